@@ -15,7 +15,7 @@ from gcs_mosaic.messages import Frame
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements
-from gcs_mosaic.store.flight_store import estimate_of_placement
+from gcs_mosaic.store.flight_store import StoreHooks, estimate_of_placement
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
 from tests import documents
 from tests.frame_files import written
@@ -87,7 +87,7 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(
     monkeypatch.setattr(placements, "WHOLE_EACH_S", 60.0)  # so that the journal has its part, however slow this is
     out = tmp_path / "out"
     out.mkdir()
-    pipeline = Pipeline(out, Config(), lambda notice: None, punctual=True, utc=lambda: 0.0)
+    pipeline = Pipeline(out, Config(), lambda notice: None, StoreHooks(utc=lambda: 0.0), punctual=True)
     islands, images, listed_late = set(), {}, 0
     try:
         for frame in flight:

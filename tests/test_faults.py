@@ -27,6 +27,7 @@ from gcs_mosaic.stitch.bundle.island import adjust_island
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.store.flight_store import StoreHooks
 from gcs_mosaic.store.records import Estimate, FrameState
 from tests.frame_files import decoded
 
@@ -59,7 +60,7 @@ class Flown:
 
     def __init__(self, out: Path) -> None:
         self.said: list[Notice] = []
-        self.pipeline = Pipeline(out, CONFIG, self.said.append, punctual=True, utc=lambda: 0.0)
+        self.pipeline = Pipeline(out, CONFIG, self.said.append, StoreHooks(utc=lambda: 0.0), punctual=True)
 
     def process(self, prepared: DecodedFrame) -> Done:
         return self.pipeline.process(prepared)
@@ -142,7 +143,7 @@ def meet(flown: Flown, prepared: DecodedFrame, event: Event, at: int, kind: type
         if "could not be processed" in (done.reason or ""):
             result = "rejected"
             assert len(flown.said) > said
-            assert pipeline.store.changes.states.pop(name)[0] is FrameState.REJECTED
+            assert pipeline.store._changes.states.pop(name)[0] is FrameState.REJECTED
             del pipeline._processed[name]  # it counts as processed, whatever it came to
         else:  # an island was not adjusted, another frame not painted; or, unsaid, nobody looks on any more
             result = "said" if len(flown.said) > said else "unsaid"
@@ -161,7 +162,7 @@ def assert_taken_in(pipeline: Pipeline, name: str, state: FrameState) -> None:
     waiting = {waiting.name for waiting in pipeline.mosaic.waiting()}
     assert state in (FrameState.PLACED, FrameState.WAITING)
     assert name in (placed if state is FrameState.PLACED else waiting)
-    assert pipeline.store.changes.states[name] == (state, None)
+    assert pipeline.store._changes.states[name] == (state, None)
 
 
 class Unpaintable:
@@ -307,9 +308,9 @@ def test_what_could_not_be_saved_is_saved_the_next_time(
             patch.setattr(owner, name, lambda *_, **__: 1 / 0)
             with pytest.raises(ZeroDivisionError):
                 flown.pipeline.save()
-        assert recorder.changes
+        assert recorder.has_unsaved
     flown.pipeline.save()
-    assert not flown.pipeline.store.changes
+    assert not flown.pipeline.store.has_unsaved
     states, painted, estimates, files = flown.map()
     assert (states[0][1], len(painted), len(estimates)) == (FrameState.PLACED, 1, 1)
     assert files

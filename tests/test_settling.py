@@ -12,11 +12,16 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.flight_page import FlightPage
+from gcs_mosaic.app.links import Links
 from gcs_mosaic.app.pipeline import Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame
-from gcs_mosaic.app.resuming import open_flight
+from gcs_mosaic.app.resuming import OpenedFlight, open_flight
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.video.watched import Room
+from gcs_mosaic.mavlink.flood import Trust
+from gcs_mosaic.mavlink.tlog_writer import Recording
+from gcs_mosaic.mavlink.vehicle_choice import VehicleChoice
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.stitch.bundle.schedule import Upkeep, UpkeepSettings
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -73,6 +78,12 @@ def test_a_flight_without_time_to_connect_is_settled_at_the_first_step(
     assert [notice.text for notice in said if "no time to connect" in notice.text]
 
 
+def _parts_of(config: Config, opened: OpenedFlight) -> daemon._Parts:
+    """A flight without links, frame sources and page."""
+    links = Links((), Recording(), (), VehicleChoice(), Trust(), 0.0)
+    return daemon._Parts(config, opened, links, (), FlightPage(config, None, opened.folder.path), Room())
+
+
 @pytest.mark.parametrize("hurry", [True, False])
 def test_a_flight_that_is_ended_without_time_is_settled(
     flight: list[DecodedFrame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hurry: bool
@@ -82,9 +93,7 @@ def test_a_flight_that_is_ended_without_time_is_settled(
     config = replace(CONFIG, finish_s=30.0 if hurry else 0.0, out=str(tmp_path / "out"))
     with (
         closing(open_flight(config)) as opened,
-        closing(
-            daemon._Daemon(config, opened, Console(quiet=True), ending, FlightPage(config, None, opened.folder.path))
-        ) as flown,
+        closing(daemon._Daemon(_parts_of(config, opened), Console(quiet=True), ending)) as flown,
     ):
         process(flown._pipeline, flight)
         monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))

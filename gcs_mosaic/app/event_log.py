@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.frames.video.names import video_and_ms
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.messages import Frame, Teller, TriggerEvent
 from gcs_mosaic.store.flight_store import SET_ASIDE, frame_of
 from gcs_mosaic.store.ledger import Ledger
@@ -28,17 +29,24 @@ K = TypeVar("K")
 
 
 class EventLog:
-    """Matches events with frames; `save` writes their outcomes into the ledger. `retry` runs every write.
+    """Matches events with frames; `save` writes their outcomes into the ledger. `retry` runs every write. The sources of events
+    whose shots prove true are told to `trust`.
 
     `apart`: each aircraft has a source of frames of its own, so its events are matched with its own frames alone, and nothing
     that is learnt of one (names, counters, delays, who is credible) is applied to another.
     """
 
     def __init__(
-        self, ledger: Ledger, pairing: PairingSettings, retry: Retry = at_once, *, apart: bool = False
+        self,
+        ledger: Ledger,
+        pairing: PairingSettings,
+        retry: Retry = at_once,
+        trust: Trust | None = None,
+        *,
+        apart: bool = False,
     ) -> None:
         self._ledger = ledger
-        self._retry = retry
+        self._retry, self._trust = retry, trust or Trust()
         self._settings, self._apart = pairing, apart
         self._pairings: dict[int | None, Pairing] = {}  # by aircraft
         self._duplicates: list[tuple[int, int]] = []
@@ -97,17 +105,19 @@ class EventLog:
             return
         # Events name the original file, wherever its frame is kept and however often it was rewritten.
         frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
+        pairing = self._pairing_of(frame.vehicle)
         if frame.is_whole_of_earlier and frame.earlier is not None:
-            self._outcomes += self._pairing_of(frame.vehicle).whole_of(frame.earlier, frame)
+            self._outcomes += pairing.whole_of(frame.earlier, frame)
             return
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
-        self._outcomes += self._pairing_of(frame.vehicle).frame(frame, now, fresh=fresh, asked_by=asked_by)
+        self._outcomes += pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
+        self._trust.sources = self._credible()
 
     def withdraw(self, frame: Frame) -> None:
         """This one, told before, was no frame of its own: another one's file was written again."""
         self._outcomes += self._pairing_of(frame.vehicle).withdraw(frame.name)
 
-    def credible(self) -> frozenset[Teller]:
+    def _credible(self) -> frozenset[Teller]:
         """The sources of events whose shots have proved true."""
         return frozenset().union(*(pairing.credible() for pairing in self._pairings.values()))
 

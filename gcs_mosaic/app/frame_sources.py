@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gcs_mosaic.app.inbox import attach_stream, initial_report, watching
-from gcs_mosaic.app.links import ItemSource, Links
+from gcs_mosaic.app.links import ItemSource
 from gcs_mosaic.app.resuming import files_taken
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
@@ -17,6 +17,7 @@ from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.frames.video.reading import known_by_video
 from gcs_mosaic.frames.video.watched import Room
+from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.messages import SourceReport
 from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder, refuse_watching_ourselves
 from gcs_mosaic.store.ledger import Ledger
@@ -71,14 +72,16 @@ def refuse_our_own(sources: Iterable[FrameSource], out: Path) -> None:
             refuse_watching_ourselves(source.watched, out)
 
 
-def attach_streams(sources: Iterable[FrameSource], links: Links, stop: threading.Event) -> None:
-    """Add the live streams to the links, which ask them for pictures. Raises UsageError."""
+def with_streams(
+    links: Sequence[ItemSource], sources: Iterable[FrameSource], trust: Trust, stop: threading.Event
+) -> list[ItemSource]:
+    """The links, whose shots (`Shots.follow`) ask the live streams for pictures, and these streams. Raises UsageError."""
+    inputs = list(links)
     for source in sources:
         if source.config.rtsp:
-            *asking, stream = attach_stream(
-                source.config.rtsp, links.sources, source.config, stop, links.trust, source.vehicle
-            )
-            links.sources[:] = [*asking, source.marked(stream)]
+            *asking, stream = attach_stream(source.config.rtsp, inputs, source.config, stop, trust, source.vehicle)
+            inputs = [*asking, source.marked(stream)]
+    return inputs
 
 
 def watched_folders(

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.mavlink.address import connection_string, parse_address
@@ -48,12 +48,12 @@ class ItemSource:
 class Links:
     """The open links of a flight, with their recording (once opened) and their transmitters (none by default)."""
 
-    sources: list[ItemSource]
+    sources: tuple[ItemSource, ...]
     recording: Recording
-    speakers: list[Speaker]
+    speakers: tuple[Speaker, ...]
     choice: VehicleChoice
     trust: Trust
-    since_utc: float = field(default_factory=time.time)  # when they were opened, seconds since 1970
+    since_utc: float  # when they were opened, seconds since 1970
 
 
 def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
@@ -61,8 +61,9 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
     check_identity(config.link)
     key = load_key(Path(config.link.signing_key)) if config.link.signing_key else None
     choice, recovery, taken, heard = VehicleChoice(config.link), Recovery(), threading.Event(), HeardTimes()
-    links = Links([], Recording(), [], choice, Trust())
-    stack.callback(links.recording.close)
+    recording, trust, since_utc = Recording(), Trust(), time.time()
+    stack.callback(recording.close)
+    sources, speakers = list[ItemSource](), list[Speaker]()
     for link_id, address in enumerate(map(parse_address, config.mavlink)):
         name = connection_string(address)
         signing = Signing(key, heard) if key else None
@@ -70,11 +71,11 @@ def listen(config: Listening, stop: threading.Event, stack: ExitStack) -> Links:
         if config.link.announce is not None:
             transmitter = Transmitter(config.link.announce, time.time() - time.monotonic(), signing, link_id % 256)
             speaker = Speaker(name, transmitter, recovery if config.link.recover else None, taken)
-            links.speakers.append(speaker)
-        items = triggers(address, stop, config.link, choice, links.recording, signing, speaker, links.trust)
+            speakers.append(speaker)
+        items = triggers(address, stop, config.link, choice, recording, signing, speaker, trust)
         stack.callback(_close, items)
-        links.sources.append(ItemSource(items, LinkReport(address=name, state="failed")))
-    return links
+        sources.append(ItemSource(items, LinkReport(address=name, state="failed")))
+    return Links(tuple(sources), recording, tuple(speakers), choice, trust, since_utc)
 
 
 def _close(items: Generator[Item, None, None]) -> None:

@@ -6,9 +6,9 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -19,9 +19,16 @@ from gcs_mosaic.app.event_log import EventLog
 from gcs_mosaic.app.fleet import Fleet
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.flight_page import FlightPage
-from gcs_mosaic.app.frame_sources import attach_streams, elsewhere, frame_sources, refuse_our_own, watched_folders
+from gcs_mosaic.app.frame_sources import (
+    FrameSource,
+    elsewhere,
+    frame_sources,
+    refuse_our_own,
+    watched_folders,
+    with_streams,
+)
 from gcs_mosaic.app.inbox import Inbox, keeping, record
-from gcs_mosaic.app.links import Item, Links
+from gcs_mosaic.app.links import Item, ItemSource, Links
 from gcs_mosaic.app.operator_requests import OperatorRequests
 from gcs_mosaic.app.output import OutputFolder
 from gcs_mosaic.app.pairing import contradiction_text
@@ -37,12 +44,12 @@ from gcs_mosaic.app.turns import AsTheyCame, InTurn, NewestFirst, Turns, prepare
 from gcs_mosaic.app.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.video.watched import Room
-from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, OtherFile, SourceReport, Topic
 from gcs_mosaic.notes.anchor_setting import let_positions_lay
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.flight_store import StoreHooks
 from gcs_mosaic.store.folder import FlightFolder
 from gcs_mosaic.store.log import LogFile, said, streams_json
 from gcs_mosaic.store.records import FrameState
@@ -75,8 +82,8 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         # Fail early: addresses, ports and folders in use.
         address = HttpAddress.parse(config.http) if config.http else None
         shots = Shots(config.shots, lambda: links.trust.sources)
-        links.sources[:] = [replace(source, items=shots.follow(source.items)) for source in links.sources]
-        attach_streams(sources, links, shutdown.stop)
+        heard = [replace(link, items=shots.follow(link.items)) for link in links.sources]
+        heard_and_streams = with_streams(heard, sources, links.trust, shutdown.stop)
         opened = open_flight(config)
         stack.callback(opened.close)
         folder = opened.folder
@@ -87,17 +94,17 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         told = [Notice(source="out", level="info", text=folder.said), *_began(config, folder, recorded), *page.wait()]
         refuse_our_own(sources, folder.path)
         room = Room()
-        links.sources.extend(watched_folders(sources, folder, shutdown.stop, room))
+        inputs = [*heard_and_streams, *watched_folders(sources, folder, shutdown.stop, room)]
         reopen = _reopening(log, links.recording, config)
         console = Console(quiet=True) if streams_json(config.log) else console  # all that is said is in the log
-        daemon = _Daemon(config, opened, console, shutdown, page, reopen, room)
+        daemon = _Daemon(_Parts(config, opened, links, sources, page, room, reopen), console, shutdown)
         stack.callback(daemon.close)
         for notice in told:
             daemon.say(notice)
         page.invite(console)
         if folder.resumed:
             daemon.resume(opened.saved, shots)
-        daemon.run(links)
+        daemon.run(inputs)
 
 
 def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> list[Notice]:
@@ -128,41 +135,44 @@ def _reopening(log: LogFile, recording: Recording, config: Config) -> Callable[[
     return reopen
 
 
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """What a live flight is made of, in the order in which `fly` makes it; `reopen`: see `OutputFolder`."""
+
+    config: Config
+    opened: OpenedFlight
+    links: Links
+    sources: Sequence[FrameSource]
+    page: FlightPage
+    room: Room
+    reopen: Callable[[], None] = lambda: None
+
+
 class _Daemon:
-    def __init__(
-        self,
-        config: Config,
-        opened: OpenedFlight,
-        console: Console,
-        shutdown: Shutdown,
-        page: FlightPage,
-        reopen: Callable[[], None] = lambda: None,
-        room: Room | None = None,
-    ) -> None:
-        self._config, self._shutdown, self._page, self._room = config, shutdown, page, room or Room()
-        self._sources = frame_sources(config)
-        self._announcements = Announcements()
+    def __init__(self, parts: _Parts, console: Console, shutdown: Shutdown) -> None:
+        config, opened, links = parts.config, parts.opened, parts.links
+        self._config, self._shutdown, self._links = config, shutdown, links
+        self._page, self._room, self._sources = parts.page, parts.room, parts.sources
+        self._announcements = Announcements(links.speakers)
         self._backlog = Backlog()
         self._inbox = Inbox(shutdown.stop)
         out = opened.folder.path
-        self._until_writable = UntilWritable(out, self.say, self._wait_for_disk)
+        self._until_writable = UntilWritable(out, self.say, self._wait_for_disk, lambda: self._output.ensure())
         self._pipeline = self._pipeline_in(opened)
         self._driver = Driver(self._pipeline)
         self._preparation = _preparation_of(config, self._pipeline, self._inbox.wake)
         store = self._pipeline.store
         self._manager = ServiceManager()
-        self._output = OutputFolder(opened.folder, config, self._pipeline, reopen, self.say)
-        self._until_writable.ensure = self._output.ensure
+        self._output = OutputFolder(opened.folder, config, self._pipeline, parts.reopen, self.say)
         self._unread = UnreadFrames(store.found_again)
         self._reporter = Reporter(out, store.flight, store.ledger, console, self._output.is_ours)
         for source in self._sources:
             self._reporter.source(source.report)
-        self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, apart=bool(config.sources))
-        self._fleet = Fleet(tuple, store.ledger, several=bool(config.aircraft))
+        apart, several = bool(config.sources), bool(config.aircraft)
+        self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, links.trust, apart=apart)
+        self._fleet = Fleet(lambda: links.choice.counted, store.ledger, several=several)
         self._seen = SeenPictures()
         self._came: dict[str, float] = {}  # when files were complete, by frame name
-        self._heard_since = math.inf  # since when the links are open, seconds since 1970
-        self._trust = Trust()  # which sources of events have proved true, for the links
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
         self._state: DaemonState = "listening"
@@ -175,11 +185,14 @@ class _Daemon:
             opened.folder.path,
             self._config,
             self.say,
-            self._page.publish,
-            retry=self._until_writable,
+            StoreHooks(
+                published=self._page.publish,
+                retry=self._until_writable,
+                elsewhere=lambda name: elsewhere(self._sources, name),
+                may_write=lambda: self._output.is_ours(),
+            ),
             checkpoints=opened.checkpoints,
             shelf=opened.shelf,
-            elsewhere=lambda name: elsewhere(self._sources, name),
         )
 
     def resume(self, saved: Snapshot | None, shots: Shots) -> None:
@@ -198,15 +211,11 @@ class _Daemon:
         text = f"{placed} frames of it are on the map, {len(again)} are still to be placed"
         self.say(Notice(source="out", level="info", text=text))
 
-    def run(self, links: Links) -> None:
-        """Run until stopped, then finish."""
-        self._announcements.speakers = links.speakers
-        self._trust, self._heard_since = links.trust, links.since_utc
-        several = bool(self._config.aircraft)
-        self._fleet = Fleet(lambda: links.choice.counted, self._pipeline.store.ledger, several=several)
-        requests = OperatorRequests(self._pipeline.store.out, links.choice, self.say)
+    def run(self, inputs: Iterable[ItemSource]) -> None:
+        """Take in what these bring until stopped, then finish."""
+        requests = OperatorRequests(self._pipeline.store.out, self._links.choice, self.say)
         keep = self._pipeline.store.keep_ahead
-        self._inbox.fill([keeping(source, keep) for source in links.sources])
+        self._inbox.fill([keeping(source, keep) for source in inputs])
         self._driver.save()  # so that a reader finds a map from the start, even if an empty one
         self._pipeline.checkpoint(at_once=True)  # and that this is known to be a flight that can be resumed
         self._manager.ready()
@@ -279,7 +288,6 @@ class _Daemon:
         # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
         fresh = (found.vehicle in self._looked or came_meanwhile) and frame is not None
         self._event_log.frame(found, time.monotonic(), fresh=fresh)
-        self._trust.sources = self._event_log.credible()
         self._last_frame = time.monotonic()
         if frame is not None:
             self._came[frame.name] = found.received
@@ -287,7 +295,7 @@ class _Daemon:
 
     def _came_while_starting(self, found: Frame) -> bool:
         """Whether a file that was there at the first look was written since the links are heard: its trigger was heard, too."""
-        return self._heard_since <= found.modified <= time.time() + 1.0
+        return self._links.since_utc <= found.modified <= time.time() + 1.0
 
     def _set_preview_aside(self, whole: Frame) -> None:
         """Of a file whose whole picture has come: the preview is not stitched, if it was not yet."""

@@ -19,6 +19,7 @@ from gcs_mosaic.render.repaint_queue import LoadImage, Painter, Step
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import Features, extract
 from gcs_mosaic.stitch.features.shelf import Shelve
 from gcs_mosaic.stitch.graph.observer import Observer, Observers
@@ -46,6 +47,7 @@ class Stitcher(Protocol):
     def adjust(self, *, everything: bool = False) -> None: ...
     def adjust_in_a_pause(self) -> bool: ...
     def moved(self) -> list[Placement]: ...
+    def anchor_drawn_pose(self, name: str, pose: Pose, camera: Camera) -> None: ...
     def placements(self) -> list[Placement]: ...
     def frame_counts(self) -> dict[int, int]: ...
     def covered(self) -> list[Covered]: ...
@@ -117,13 +119,8 @@ def method_of(
         return Method(paper, PaperPainter(paper), lambda image, *, reduction: paper.features_of(image), 0.0)
     observers = Observers(Journal(), observer)
     mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=observers, shelve=shelve, finer=finer)
-
-    def note(frame: Painted) -> None:
-        painted(frame)
-        mosaic.anchor_drawn_pose(frame.name, frame.pose, frame.camera)
-
     painter = Painter(
-        load_original, note, config.paint, scratch=out, live=paint_live, load_tile=partial(read_tile, out)
+        load_original, painted, config.paint, scratch=out, live=paint_live, load_tile=partial(read_tile, out)
     )
     features = config.stitch.features
     return Method(mosaic, painter, partial(extract, settings=features), features.megapixels * 1e6)

@@ -44,7 +44,6 @@ class OutputFolder:
         self._look_again: float | None = None  # monotonic time
         self._is_slow = False
         self.is_ours = self._guard.is_ours
-        pipeline.store.may_write = self.is_ours
 
     def ensure(self) -> bool:
         """Return at once if the folder is in place; else take it again, write into it what it must hold, and return True.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.frames.decoding.decoders import Decoders
 from gcs_mosaic.messages import Frame, Notice
-from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.features.extraction import Features, extract
@@ -29,10 +29,8 @@ from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.transaction import Kept, Snapshot, transaction
 from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import Checkpoints
-from gcs_mosaic.store.flight_store import FlightStore
-from gcs_mosaic.store.lost_originals import Elsewhere
+from gcs_mosaic.store.flight_store import FlightStore, StoreHooks
 from gcs_mosaic.store.records import Accounts, FrameState, IslandRecord
-from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.store.stages import stage
 
 logger = logging.getLogger(__name__)
@@ -61,11 +59,10 @@ class Pipeline(Kept):
     unpainted and is retried with the next ones, a part of the map that cannot be repainted keeps its content. All failures
     are reported.
 
-    `say` receives notices for the operator; `published(revision, tiles)` is called once tiles are on disk. `punctual`:
-    the same frames always give the same map, whatever the machine's speed. `paint_live`: paint each frame on arrival, not
-    all at the end. `observer` is called while frames are placed. `utc`, `retry` and `elsewhere` are the store's;
-    `checkpoints`: where checkpoints are written, if any; `shelf`: where features are, its own by default; `camera_of` tells
-    whose camera took a frame.
+    `say` receives notices for the operator; `around` is the store's. `punctual`: the same frames always give the same map,
+    whatever the machine's speed. `paint_live`: paint each frame on arrival, not all at the end. `observer` is called while
+    frames are placed. `checkpoints`: where checkpoints are written, if any; `shelf`: where features are, its own by default;
+    `camera_of` tells whose camera took a frame.
     """
 
     FIXED = frozenset(
@@ -87,15 +84,12 @@ class Pipeline(Kept):
         out: Path,
         config: Config,
         say: Callable[[Notice], None],
-        published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
+        around: StoreHooks | None = None,
         *,
         punctual: bool = False,
         paint_live: bool = True,
         observer: Observer | None = None,
-        utc: Callable[[], float] = time.time,
-        retry: Retry = at_once,
         checkpoints: Checkpoints | None = None,
-        elsewhere: Elsewhere = lambda name: None,
         shelf: ArrayShelf | None = None,
         camera_of: Callable[[Frame], int | None] = lambda frame: frame.vehicle,
     ) -> None:
@@ -104,10 +98,7 @@ class Pipeline(Kept):
             originals=config.originals,
             tiles=config.tiles,
             canvas=config.paint.canvas,
-            published=published,
-            utc=utc,
-            retry=retry,
-            elsewhere=elsewhere,
+            around=around,
         )
         self._worker, self._shelf = WorkerProcess(), shelf or shelf_of(config, out)
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
@@ -164,16 +155,8 @@ class Pipeline(Kept):
         on_map += [covered.name for covered in self.mosaic.covered()]
         again = self.store.resume(self._processed.keys(), on_map)
         self.store.remove_tiles_but(self._painter.resume(shown))
-        changes = self.store.changes
-        changes.placements = {placement.name: placement for placement in self.mosaic.placements()}
-        changes.painted = {painted.name: painted for painted in self._painter.painted()}
-        changes.covered = {covered.name: covered for covered in self.mosaic.covered()}
-        changes.states = {
-            **dict.fromkeys(changes.placements, (FrameState.PLACED, None)),
-            **dict.fromkeys(changes.covered, (FrameState.COVERED, None)),
-            **{waiting.name: (FrameState.WAITING, None) for waiting in self.mosaic.waiting()},
-            **{frame.name: (frame.state, frame.reason) for frame in self.store.ledger.frames(FrameState.REJECTED)},
-        }
+        waiting = [waiting.name for waiting in self.mosaic.waiting()]
+        self.store.tell_whole(self.mosaic.placements(), self._painter.painted(), self.mosaic.covered(), waiting)
         return again
 
     def _loaded(self, saved: Snapshot) -> bool:
@@ -244,8 +227,8 @@ class Pipeline(Kept):
             self.store.may_come_again(prepared.frame)
             self.store.settle(name, FrameState.DAMAGED, prepared.reason)
             return Done(name, FrameState.DAMAGED, prepared.reason, None, {})
-        self.store.changes.sizes[name] = (prepared.features.width, prepared.features.height)
-        self.store.changes.sharpness[name] = prepared.features.sharpness
+        seen = prepared.features
+        self.store.note_measured(name, (seen.width, seen.height), seen.sharpness)
         start = time.perf_counter()
         aircraft = self._camera_of(prepared.frame)
         self._painter.begin_look(name, prepared.image, aircraft)
@@ -259,7 +242,9 @@ class Pipeline(Kept):
         if state is not FrameState.REJECTED:
             self.decoders.note_true_frame(prepared.features.width * prepared.features.height)
         self.store.settle(name, state, reason)
-        covered_by = self.store.changes.cover(outcome) if isinstance(outcome, Covered) else None
+        covered_by = outcome.by if isinstance(outcome, Covered) else None
+        if isinstance(outcome, Covered):
+            self.store.note_covered(outcome)
         with stage("paint", name):
             found = self._paint_moved(prepared)
         seconds = {"place": placed - start, "paint": time.perf_counter() - placed}
@@ -342,7 +327,7 @@ class Pipeline(Kept):
     def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
         """Paint newly placed frames and return their names; note those that must be repainted elsewhere."""
         moved = self.mosaic.moved()
-        self.store.changes.placements |= {placement.name: placement for placement in moved}
+        self.store.note_placed(moved)
         found = tuple(placement.name for placement in moved if not self._painter.is_painted(placement.name))
         for name in found:
             self.store.settle(name, FrameState.PLACED, None)
@@ -410,7 +395,8 @@ class Pipeline(Kept):
         return None if looked_at is None else extract(looked_at, look, finer)
 
     def _note_painted(self, painted: Painted) -> None:
-        self.store.changes.painted[painted.name] = painted
+        self.store.note_painted(painted)
+        self.mosaic.anchor_drawn_pose(painted.name, painted.pose, painted.camera)
 
     def save(self) -> float:
         """Write all changes; returns the seconds it took."""

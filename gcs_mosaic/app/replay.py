@@ -36,6 +36,7 @@ from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
 from gcs_mosaic.messages import DamagedFile, Frame, Notice
 from gcs_mosaic.notes.anchor_setting import let_positions_lay
+from gcs_mosaic.store.flight_store import StoreHooks
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.records import EventAccount
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
@@ -167,7 +168,8 @@ class _Replay:
         linking = replace(config, originals=replace(config.originals, keep="link"))
         self._config, self._console, self._now = config, console, 0.0
         began_utc = link.began_utc or 0.0
-        self._pipeline = Pipeline(out, linking, self._say, punctual=True, utc=lambda: began_utc + self._now)
+        around = StoreHooks(utc=lambda: began_utc + self._now)
+        self._pipeline = Pipeline(out, linking, self._say, around, punctual=True)
         self._driver = Driver(self._pipeline)
         self._event_log = EventLog(self._pipeline.store.ledger, config.pairing, apart=bool(config.sources))
         self._done: list[Done] = []

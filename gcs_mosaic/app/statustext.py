@@ -15,8 +15,8 @@ from gcs_mosaic.triggers import Missing
 class Announcements:
     """Selects what to announce and sends it through the `speakers` of all links (none by default)."""
 
-    def __init__(self) -> None:
-        self.speakers: Sequence[Speaker] = ()
+    def __init__(self, speakers: Sequence[Speaker] = ()) -> None:
+        self._speakers = speakers
         self._overlapping: dict[int | None, bool] = {}  # by aircraft, once a frame of it has overlapped the map
         self._missing = 0
 
@@ -47,5 +47,5 @@ class Announcements:
             self._tell("disk", "Mosaic: the disk cannot be written" if bad else "Mosaic: the disk is filling up")
 
     def _tell(self, topic: Topic, text: str, *, warning: bool = True) -> None:
-        for speaker in self.speakers:
+        for speaker in self._speakers:
             speaker.tell(Announcement(topic, text, warning))

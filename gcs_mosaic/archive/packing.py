@@ -98,13 +98,12 @@ def _frame_of(file: SourceFile, digest: str) -> Frame:
 
 def _note_outcomes(store: FlightStore, found: Reprocessed) -> None:
     for one in found.seen:
-        store.changes.sizes[one.frame.name] = one.facts.size
-        store.changes.sharpness[one.frame.name] = one.facts.sharpness
+        store.note_measured(one.frame.name, one.facts.size, one.facts.sharpness)
     for name in found.assembled.placed:
         store.settle(name, FrameState.PLACED, None)
     for covered in found.assembled.covered:
         store.settle(covered.name, FrameState.COVERED, None)
-        store.changes.cover(covered)
+        store.note_covered(covered)
     for rejected in found.assembled.rejected:
         store.settle(rejected.name, FrameState.REJECTED, rejected.reason)
     for aside in found.aside:
@@ -118,8 +117,8 @@ def _note_places(store: FlightStore, engine: Engine, found: Reprocessed) -> None
         part += number >= lit.starts[part + 1]
         placement = placements_of(engine.artefacts, one.placements)[one.place]
         painted = painted_frame(engine.artefacts, one, lit.key, part, number - lit.starts[part])
-        store.changes.placements[placement.name] = placement
-        store.changes.painted[painted.name] = painted
+        store.note_placed([placement])
+        store.note_painted(painted)
 
 
 class _Extents:

@@ -100,6 +100,9 @@ class PaperMosaic(Kept):
             fit = fit_homography(name, frame, mosaic, self.settings.threshold_px, self.settings.least_inliers)
         return fit if isinstance(fit, Rejection) else self._believed(features, name, fit)
 
+    def anchor_drawn_pose(self, name: str, pose: Pose, camera: Camera) -> None:
+        """Nothing to do: what is drawn stays where it is."""
+
     def paint(self, image: Bands, name: str) -> set[Tile]:
         """D. Blend a placed frame into the mosaic; returns the tiles that changed."""
         with transaction(self), self._timed("stitching"):

@@ -30,7 +30,10 @@ _OPENED_AT = 0.5  # of a full bucket: hysteresis against floods that come in wav
 
 
 class Trust:
-    """The sources whose shots have found their pictures; shared by all links. Replaced as a whole, hence thread-safe."""
+    """The sources whose shots have found their pictures: what pairing learns, told back to all links.
+
+    The event log alone writes it, links and streams read it; replaced as a whole, hence thread-safe.
+    """
 
     def __init__(self) -> None:
         self.sources: frozenset[Teller] = frozenset()

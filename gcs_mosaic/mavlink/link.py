@@ -78,13 +78,18 @@ class _Link:
             yield greeting  # consumed by `triggers`, to start the generator
             yield greeting
             while not stop.is_set() and not self.channel.ended:
-                try:
-                    yield from self._listen_once(poll_s)
-                except Exception as error:
-                    logger.exception("a link has failed")
-                    yield from self._failed(error)
-                    stop.wait(AGAIN_S)
+                yield from self._listen_whatever_comes(stop, poll_s)
+            if not self.channel.ended:  # what came before the end, and is still in the kernel
+                yield from self._listen_whatever_comes(stop, 0.0)
             yield from self.listener.farewell(time.monotonic())
+
+    def _listen_whatever_comes(self, stop: threading.Event, poll_s: float) -> Items:
+        try:
+            yield from self._listen_once(poll_s)
+        except Exception as error:
+            logger.exception("a link has failed")
+            yield from self._failed(error)
+            stop.wait(AGAIN_S)
 
     def _listen_once(self, poll_s: float) -> Items:
         for arrival in self.channel.read(poll_s):

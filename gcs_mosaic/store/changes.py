@@ -29,12 +29,6 @@ class Changes(Kept):
     painted: dict[str, Painted] = field(default_factory=dict)
     tiles: list[frozenset[TileKey]] = field(default_factory=list)  # changed tiles, one set per processing step
 
-    def cover(self, covered: Covered) -> str:
-        """Note that a placed frame covers a new one (pages are told although no tile changes); returns the new frame's name."""
-        self.covered[covered.name] = covered
-        self.tiles.append(frozenset())
-        return covered.by
-
     def __bool__(self) -> bool:
         return self.is_public or any((self.sizes, self.painted))
 

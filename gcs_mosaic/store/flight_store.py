@@ -8,16 +8,16 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, OtherFile, Topic
 from gcs_mosaic.render.canvas import CanvasSettings
-from gcs_mosaic.render.painted import Extent, TileKey
+from gcs_mosaic.render.painted import Extent, Painted, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.graph.placement import Placement
+from gcs_mosaic.stitch.graph.placement import Covered, Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 from gcs_mosaic.store import inside
@@ -61,15 +61,27 @@ class TileSource(Protocol):
     def extent(self, island: int) -> Extent | None: ...
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreHooks:
+    """What a store asks of the program around it, and tells it.
+
+    `published(revision, tiles)` is called once tiles are on disk. `utc` returns the time written into documents, in seconds
+    since 1970. `retry` runs every write and may repeat it; its exceptions propagate. `elsewhere`: see `LostOriginals`.
+    `may_write`: whether the folder is ours now; called from any thread.
+    """
+
+    published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None
+    utc: Callable[[], float] = time.time
+    retry: Retry = at_once
+    elsewhere: Elsewhere = lambda name: None
+    may_write: Callable[[], bool] = lambda: True
+
+
 class FlightStore(Kept):
     """Owns one output folder, which is empty or holds a flight to resume. For use by one thread.
 
-    `published(revision, tiles)` is called once tiles are on disk.
-
-    `canvas`: how the flight is painted. `elsewhere`: see `LostOriginals`. `retry` runs every write and may repeat it; its
-    exceptions propagate.
-    `utc` returns the time written into documents, in seconds since 1970. Writes to the folder cannot be rolled back, so
-    nothing is written while a frame is processed.
+    `canvas`: how the flight is painted. Writes to the folder cannot be rolled back, so nothing is written while a frame is
+    processed.
     """
 
     FIXED = frozenset(
@@ -87,8 +99,8 @@ class FlightStore(Kept):
             "_utc",
             "_retry",
             "_regained",
+            "_may_write",
         }
-        | {"may_write"}
     )
 
     def __init__(
@@ -98,26 +110,22 @@ class FlightStore(Kept):
         originals: OriginalsSettings | None = None,
         tiles: TileSettings | None = None,
         canvas: CanvasSettings | None = None,
-        published: Callable[[int, Iterable[TileKey]], None] = lambda revision, tiles: None,
-        utc: Callable[[], float] = time.time,
-        retry: Retry = at_once,
-        elsewhere: Elsewhere = lambda name: None,
+        around: StoreHooks | None = None,
     ) -> None:
+        around = around or StoreHooks()
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
         self.canvas = canvas or CanvasSettings()
-        self.flight = self.ledger.flight() or self._begin_flight(utc())
-        self.changes = Changes()
+        self.flight = self.ledger.flight() or self._begin_flight(around.utc())
+        self._changes = Changes()
         self.taken_in = 0  # files accepted, whatever their outcome
         self.in_a_pause = False  # or at the end: list every frame now, as no further save may follow
-        self.may_write: Callable[[], bool] = lambda: True  # whether the folder is ours now; called from any thread
         self._originals = Originals(out, originals)
-        self._lost = LostOriginals(self._originals, elsewhere)
+        self._lost = LostOriginals(self._originals, around.elsewhere)
         self._tiles = TileWriter(out, tiles)
         self._manifest = Manifest(out)
-        self._published = published
-        self._utc = utc
-        self._retry = retry
+        self._published, self._utc = around.published, around.utc
+        self._retry, self._may_write = around.retry, around.may_write
         self._orders: dict[str, int] = {}  # arrival order, by frame name
         self._places: dict[str, tuple[Path, str]] = {}  # original and content hash by frame name
         self._names: dict[str, str] = {}  # first frame's name by content hash, and by the hash of its picture
@@ -157,16 +165,41 @@ class FlightStore(Kept):
         self._islands_known = len(self.ledger.islands())
         again = [frame for frame in kept if frame.name not in processed]
         self._retry(lambda: self.ledger.process_again([frame.name for frame in again], on_map))
-        self.changes.sizes = {
-            f.name: (f.width, f.height) for f in known if f.width is not None and f.height is not None
-        }
-        self.changes.sharpness = {frame.name: frame.sharpness for frame in known if frame.sharpness is not None}
+        for frame in known:
+            if frame.width is not None and frame.height is not None:
+                self._changes.sizes[frame.name] = (frame.width, frame.height)
+            if frame.sharpness is not None:
+                self._changes.sharpness[frame.name] = frame.sharpness
         return again
+
+    def tell_whole(
+        self,
+        placements: Iterable[Placement],
+        painted: Iterable[Painted],
+        covered: Iterable[Covered],
+        waiting: Iterable[str],
+    ) -> None:
+        """Take the whole map of a resumed flight for changed, so that the next `save` tells all of it. Call after `resume`."""
+        changes = self._changes
+        changes.placements = {placement.name: placement for placement in placements}
+        changes.painted = {one.name: one for one in painted}
+        changes.covered = {one.name: one for one in covered}
+        changes.states = {
+            **dict.fromkeys(changes.placements, (FrameState.PLACED, None)),
+            **dict.fromkeys(changes.covered, (FrameState.COVERED, None)),
+            **dict.fromkeys(waiting, (FrameState.WAITING, None)),
+            **{frame.name: (frame.state, frame.reason) for frame in self.ledger.frames(FrameState.REJECTED)},
+        }
 
     def remove_tiles_but(self, known: Collection[TileKey]) -> None:
         """Remove all other tiles: written just before a kill, or awaiting a repaint at that time."""
         self._retry(lambda: remove_strays(self.out, known))
         self._tiles.there = set(known)
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether something was noted that is not written yet."""
+        return bool(self._changes)
 
     @property
     def revision(self) -> int:
@@ -182,7 +215,7 @@ class FlightStore(Kept):
 
         The frame is stitched from the file as found, whatever happens to that file afterwards.
         """
-        if frame.content_hash in self._names or not self.may_write():
+        if frame.content_hash in self._names or not self._may_write():
             return frame
         same = self._names.get(frame.picture or "")
         if same is None:
@@ -307,7 +340,7 @@ class FlightStore(Kept):
         for frame in gone:
             if frame.state is FrameState.PENDING:
                 self._keep_again(frame_of(frame, self.out))
-        self.changes.tiles.append(frozenset(self._tiles.there))
+        self._changes.tiles.append(frozenset(self._tiles.there))
         self._manifest.begin_anew()
         self._told = None
         return len(gone)
@@ -375,7 +408,7 @@ class FlightStore(Kept):
         CannotWrite while the folder is not there."""
         path, digest = self._places[name]
         data = read_intact(path, digest, self._root_of(path)) or self._lost.read(name, digest)
-        if data is None and not self.may_write():
+        if data is None and not self._may_write():
             raise CannotWrite(f"{self.out} is not there now")
         return data
 
@@ -391,10 +424,10 @@ class FlightStore(Kept):
 
     def settle(self, name: str, state: FrameState, reason: str | None) -> None:
         """Note a frame's outcome."""
-        if self.changes.states.get(name) != (state, reason):
+        if self._changes.states.get(name) != (state, reason):
             fields = {"frame": name, "state": state, "reason": reason}
             logger.info("%s: %s%s", name, state, f", {reason}" if reason else "", extra={"fields": fields})
-        self.changes.states[name] = (state, reason)
+        self._changes.states[name] = (state, reason)
 
     def settle_unstitched(self) -> int:
         """The flight ends: note the frames whose turn has not come, so that none stays pending; returns their number."""
@@ -403,9 +436,26 @@ class FlightStore(Kept):
             self.settle(frame.name, FrameState.UNSTITCHED, "the flight was ended before its turn")
         return len(left)
 
+    def note_measured(self, name: str, size: tuple[int, int], sharpness: float) -> None:
+        """Note a frame's width and height in pixels, and how sharp it is."""
+        self._changes.sizes[name], self._changes.sharpness[name] = size, sharpness
+
+    def note_placed(self, placements: Iterable[Placement]) -> None:
+        """Note where frames lie that are new on the map or have moved."""
+        self._changes.placements |= {placement.name: placement for placement in placements}
+
+    def note_covered(self, covered: Covered) -> None:
+        """Note that a placed frame covers a new one; pages are told although no tile changes."""
+        self._changes.covered[covered.name] = covered
+        self._changes.tiles.append(frozenset())
+
+    def note_painted(self, painted: Painted) -> None:
+        """Note how a frame is painted now."""
+        self._changes.painted[painted.name] = painted
+
     def note_tiles(self, tiles: Iterable[TileKey]) -> None:
         """Note that these tiles changed in one processing step."""
-        self.changes.tiles.append(frozenset(tiles))
+        self._changes.tiles.append(frozenset(tiles))
 
     def save(
         self,
@@ -467,21 +517,21 @@ class FlightStore(Kept):
         frames_on: Mapping[int, int],
         held_out: Callable[[], Mapping[int, HeldOut]],
     ) -> None:
-        if not self.changes and self.ledger.accounts() == self._told:
+        if not self._changes and self.ledger.accounts() == self._told:
             if self.in_a_pause:
                 self._manifest.catch_up()
             return
-        of = ", ".join(self.changes.states)
+        of = ", ".join(self._changes.states)
         with stage("ledger", of):
-            placements, vehicles = self.changes.placements.values(), self._vehicles
+            placements, vehicles = self._changes.placements.values(), self._vehicles
             estimates = [estimate_of_placement(one, vehicles.get(one.name)) for one in placements]
             self._save_ledger(islands, estimates)
             self.ledger.make_durable()  # no document is ahead of the ledger even after a power cut
         with stage("tiles", of):
-            self._tiles.write(set().union(*self.changes.tiles), picture.tile_later)
+            self._tiles.write(set().union(*self._changes.tiles), picture.tile_later)
         with stage("documents", of):
             self._tell(picture, islands, frames_on, held_out, estimates)
-        self.changes = Changes()
+        self._changes = Changes()
 
     def _tell(
         self,
@@ -493,15 +543,15 @@ class FlightStore(Kept):
     ) -> None:
         """Write the documents, if anything in them changed."""
         accounts = self.ledger.accounts()
-        if self.changes.is_public or accounts != self._told:
+        if self._changes.is_public or accounts != self._told:
             entries = list(self._entries(picture, islands, frames_on, held_out()))
             revision = self._manifest.write(self._contents(entries, accounts, estimates), everything=self.in_a_pause)
             self._told = accounts
-            for changed in self.changes.tiles:
+            for changed in self._changes.tiles:
                 self._published(revision, changed)
 
     def _save_ledger(self, islands: Sequence[IslandRecord], estimates: Sequence[Estimate]) -> None:
-        changes = self.changes
+        changes = self._changes
         with self.ledger.transaction():
             for island in islands[self._islands_known :]:
                 self.ledger.record_island(island.id)
@@ -527,7 +577,7 @@ class FlightStore(Kept):
             updated_utc=self._utc(),
             islands=islands,
             accounts=accounts,
-            frames=self.changes.news(estimates, self.ledger.newest_on_map(), newest_of, self._vehicles),
+            frames=self._changes.news(estimates, self.ledger.newest_on_map(), newest_of, self._vehicles),
         )
 
     def _entries(

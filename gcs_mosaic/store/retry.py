@@ -43,13 +43,18 @@ def at_once(write: Callable[[], T], /) -> T:
 class UntilWritable:
     """Retries until the write succeeds.
 
-    `wait(trouble)` pauses between two attempts; it raises `trouble` when time is up. `ensure`, once set, is called before
-    each attempt: it returns whether the folder had to be taken again, and raises as a write does while it cannot be had.
+    `wait(trouble)` pauses between two attempts; it raises `trouble` when time is up. `ensure` is called before each attempt:
+    it returns whether the folder had to be taken again, and raises as a write does while it cannot be had.
     """
 
-    def __init__(self, out: Path, say: Callable[[Notice], None], wait: Callable[[CannotWrite], None]) -> None:
-        self._out, self._say, self._wait = out, say, wait
-        self.ensure: Callable[[], bool] = lambda: False
+    def __init__(
+        self,
+        out: Path,
+        say: Callable[[Notice], None],
+        wait: Callable[[CannotWrite], None],
+        ensure: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._out, self._say, self._wait, self._ensure = out, say, wait, ensure
         self._said, self._said_kind = -math.inf, ""
         self.in_trouble = False  # the last attempt has failed
 
@@ -66,13 +71,13 @@ class UntilWritable:
                 return written
 
     def _attempt(self, write: Callable[[], T]) -> T:
-        self._in_words(self.ensure)
+        self._in_words(self._ensure)
         try:
             return self._in_words(write)
         except DiskFull:
             raise
         except CannotWrite:
-            if not self._in_words(self.ensure):  # raises in better words if the folder is the reason
+            if not self._in_words(self._ensure):  # raises in better words if the folder is the reason
                 raise
         return self._in_words(write)  # the folder was gone, which nobody need be told of: it has been taken again
 

@@ -22,6 +22,7 @@ from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
+from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.records import FrameRecord
 from sitl.delivery import write_slowly
 from tests.ports import free_port
@@ -294,8 +295,14 @@ def test_pictures_that_come_while_the_program_starts_find_their_triggers(tmp_pat
     config = Config(
         mavlink=(f"udp:127.0.0.1:{port}",), http=None, watch=str(watched), out=str(tmp_path / "mosaic"), record=False
     )
-    stop = threading.Event()
-    threading.Timer(3.6, stop.set).start()  # nobody waits for the link to decide whom it follows: it does when it ends
+    stop, out = threading.Event(), tmp_path / "mosaic"
+
+    def stop_with_both() -> None:
+        """Not waiting for the link to decide whom it follows: it does so when it ends."""
+        until(lambda: (out / LEDGER_NAME).exists() and len(frames_of(out)) == 2, "both have come")
+        stop.set()
+
+    threading.Thread(target=stop_with_both).start()
     with ExitStack() as stack, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as camera:
         links = listening.listen(config, stop, stack)
         sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -305,4 +312,4 @@ def test_pictures_that_come_while_the_program_starts_find_their_triggers(tmp_pat
             (watched / f"{'ab'[shot]}-x.jpg").write_bytes(pictures[shot])
             time.sleep(1.5)
         daemon.fly(config, links, Console(quiet=True), Shutdown(stop=stop, hurry=threading.Event()))
-    assert events_of(tmp_path / "mosaic") == ["matched", "matched"]
+    assert events_of(out) == ["matched", "matched"]

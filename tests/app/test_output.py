@@ -26,6 +26,7 @@ from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.checkpoint import Unusable
+from gcs_mosaic.store.flight_store import StoreHooks
 from gcs_mosaic.store.folder import LEDGER_NAME, open_flight_folder
 from gcs_mosaic.store.log import LogFile, LogSettings
 from gcs_mosaic.store.originals import is_intact
@@ -53,8 +54,8 @@ def test_everything_is_written_again_after_the_folder_was_deleted(coming: list[D
     with closing(open_flight_folder(tmp_path / "out")) as folder:
         pipeline = Pipeline(
             *(folder.path, CONFIG, said.append),
+            StoreHooks(elsewhere=lambda name: watched / name),
             checkpoints=checkpoints_of(folder.path, CONFIG),
-            elsewhere=lambda name: watched / name,
         )
         with closing(pipeline), closing(OutputFolder(folder, CONFIG, pipeline, lambda: None, said.append)) as output:
             fly(pipeline, coming[:2])
@@ -179,7 +180,8 @@ def test_a_frame_whose_process_was_ended_is_tried_again_some_times() -> None:
 def test_a_frame_is_found_where_it_came_from(coming: list[DecodedFrame], tmp_path: Path) -> None:
     """Its original is gone with the folder; the file in the watched folder is as it was."""
     watched = coming[0].frame.path.parent
-    with closing(Pipeline(tmp_path, CONFIG, lambda notice: None, elsewhere=lambda name: watched / name)) as pipeline:
+    around = StoreHooks(elsewhere=lambda name: watched / name)
+    with closing(Pipeline(tmp_path, CONFIG, lambda notice: None, around)) as pipeline:
         kept = sure(pipeline.accept(coming[0].frame))
         assert pipeline.store.found_again(kept) == kept
         kept.path.unlink()
@@ -209,7 +211,7 @@ def test_what_was_not_kept_is_found_by_the_end_and_its_tiles_are_painted(
     watched = coming[0].frame.path.parent
     there = tmp_path / "away"
     with closing(open_flight_folder(tmp_path / "out")) as folder:
-        pipeline = Pipeline(*(folder.path, CONFIG, lambda notice: None), elsewhere=lambda name: there / name)
+        pipeline = Pipeline(folder.path, CONFIG, lambda notice: None, StoreHooks(elsewhere=lambda name: there / name))
         with (
             closing(pipeline),
             closing(OutputFolder(folder, CONFIG, pipeline, lambda: None, lambda notice: None)) as output,

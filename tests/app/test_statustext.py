@@ -33,9 +33,7 @@ def ear() -> Ear:
 
 @pytest.fixture
 def announcements(ear: Any) -> Announcements:
-    told = Announcements()
-    told.speakers = [ear]
-    return told
+    return Announcements([ear])
 
 
 def missing(sequence: int | None) -> Missing:

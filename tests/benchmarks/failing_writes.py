@@ -183,11 +183,11 @@ class OneFlight:
         daemon, done = live._Daemon, set[str]()
         run, note = daemon.run, daemon._note_done
 
-        def counting(flight: Any, links: Any) -> None:
+        def counting(flight: Any, inputs: Any) -> None:
             at = -1 if self.number is None else self.number
             lasting = SECONDS if self.trials.asked.lasting else 0.0
             self.library.arm(str(out).encode(), at, 1, ctypes.c_double(lasting), self.error, self.trials.asked.slow)
-            run(flight, links)
+            run(flight, inputs)
             self.calls = self.library.counted()
 
         def noting(flight: Any, one: Any) -> None:

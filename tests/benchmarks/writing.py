@@ -92,10 +92,9 @@ def take(store: FlightStore, number: int) -> None:
 
 def place(store: FlightStore, camera: Camera, numbers: Iterable[int]) -> None:
     """These frames lie where they did not lie before; the last of them is new."""
-    changes = store.changes
     for number in numbers:
         name, pose = f"IMG_{number:05}.JPG", Pose(800.0 * (number % 40) + camera.focal, 600.0 * (number // 40))
-        changes.placements[name] = Placement(
+        placement = Placement(
             name=name,
             island=0,
             pose=pose,
@@ -107,9 +106,11 @@ def place(store: FlightStore, camera: Camera, numbers: Iterable[int]) -> None:
             hops=number // 3,
             corner_deviation_px=0.7,
         )
-    changes.painted[name] = Painted(name=name, order=number, island=0, pose=pose, camera=camera, level=16)
-    changes.states[name], changes.sizes[name] = (FrameState.PLACED, None), (camera.width, camera.height)
-    changes.tiles.append(frozenset())
+        store.note_placed([placement])
+    store.note_painted(Painted(name=name, order=number, island=0, pose=pose, camera=camera, level=16))
+    store.settle(name, FrameState.PLACED, None)
+    store.note_measured(name, (camera.width, camera.height), 1.0)
+    store.note_tiles([])
 
 
 def sizes(out: Path) -> dict[str, tuple[int, int]]:

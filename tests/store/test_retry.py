@@ -18,9 +18,9 @@ from gcs_mosaic.store.retry import UntilWritable
 class Disk:
     """Writes that fail with these errors, one after another, then succeed; and what is told of it."""
 
-    def __init__(self, *errors: Exception) -> None:
+    def __init__(self, *errors: Exception, ensure: Callable[[], bool] = lambda: False) -> None:
         self.errors, self.said, self.waits = list(errors), list[Notice](), 0
-        self.until_writable = UntilWritable(Path("out"), self.said.append, self._wait)
+        self.until_writable = UntilWritable(Path("out"), self.said.append, self._wait, ensure)
 
     def write(self) -> str:
         if self.errors:
@@ -78,18 +78,15 @@ def ensuring(*found: bool | Exception) -> Callable[[], bool]:
 
 
 def test_a_folder_that_could_be_taken_again_at_once_is_no_trouble() -> None:
-    disk = Disk(failure(errno.ENOENT))
-    disk.until_writable.ensure = ensuring(False, True)
+    disk = Disk(failure(errno.ENOENT), ensure=ensuring(False, True))
     assert disk.until_writable(disk.write) == "written"
     assert disk.texts == []
     assert not disk.waits
 
 
 def test_why_the_folder_is_gone_is_told_not_what_could_not_be_written() -> None:
-    disk = Disk(failure(errno.ENOENT))
-    disk.until_writable.ensure = ensuring(
-        False, CannotWrite("the folder is gone"), CannotWrite("the folder is gone"), True
-    )
+    ensure = ensuring(False, CannotWrite("the folder is gone"), CannotWrite("the folder is gone"), True)
+    disk = Disk(failure(errno.ENOENT), ensure=ensure)
     assert disk.until_writable(disk.write) == "written"
     assert disk.texts == ["the folder is gone", "the disk can be written again: going on"]
     assert disk.waits == 2
