@@ -20,7 +20,7 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 CHILDREN = {
     "frames/decoding/process.py": "frames/decoding/worker.py",
     "frames/child_process.py": "frames/rtsp/stream_process.py",
-    "stitch/bundle/worker.py": "stitch/bundle/worker.py",
+    "processes/child.py": "processes/main.py",
     "web/page_keeper.py": "web/page_process.py",
     "web/hint_keeper.py": "hints/hint_process.py",
 }

@@ -18,6 +18,7 @@ ALLOWED = {
     "errors": set(),
     "messages": set(),
     "children": set(),
+    "processes": set(),
     "stitch": set(),
     "stitch.arrays": set(),
     "stitch.transaction": set(),
@@ -27,14 +28,14 @@ ALLOWED = {
     },
     "stitch.bundle": {
         *("stitch.arrays", "stitch.transaction", *(f"stitch.{below}" for below in STITCHING[:4])),
-        "children",  # it adjusts in a process of its own
+        "processes",  # it adjusts in a process of its own
     },
     "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
     "baseline": {"render", *STITCH - {"stitch.mosaic"}},
     "geo": {"errors"},
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},
-    "frames": {"children", "stitch.arrays", "messages", "errors"},
+    "frames": {"children", "processes", "stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "export": {
         *("geotiles", "geo", "notes", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"),
@@ -46,13 +47,27 @@ ALLOWED = {
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
     "geotiles": {"geo", "views", "store", "render", "stitch.arrays", "errors"},
-    "hints": {"children", "views", "store", "render", "stitch.arrays", "stitch.camera", "stitch.features", "errors"},
+    "hints": {
+        "children",
+        "processes",
+        "views",
+        "store",
+        "render",
+        "stitch.arrays",
+        "stitch.camera",
+        "stitch.features",
+        "errors",
+    },
     "web": {
         *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
-        *("children", "messages", "errors"),
+        *("children", "processes", "messages", "errors"),
     },
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
-    "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
+    "config": {
+        *("processes", "mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints"),
+        *STITCH,
+        "errors",
+    },
     "app": {
         *("notes", "config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
         *STITCH,
