@@ -18,7 +18,6 @@ PACKAGE = Path(children.__file__).parent
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 # Who starts processes, and what runs in them: begin there with `outlive_signals`.
 CHILDREN = {
-    "frames/decoding/process.py": "frames/decoding/worker.py",
     "frames/child_process.py": "frames/rtsp/stream_process.py",
     "processes/child.py": "processes/main.py",
     "web/page_keeper.py": "web/page_process.py",

@@ -80,7 +80,7 @@ class TellingHandler(logging.Handler):
 
 
 def was_logged(message: Message, what: str) -> bool:
-    """Whether this was a log record of a child, `what`, which is in our log then. Raises ValueError and TypeError for an odd one."""
+    """Whether this was a log record of a child, `what`, which is in our log then. Raises ValueError, TypeError."""
     if "log" not in message:
         return False
     level, text = message["log"]

@@ -16,13 +16,14 @@ from dataclasses import asdict
 from multiprocessing.connection import Connection
 from typing import Any
 
+from gcs_mosaic.children import outlive_signals
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.decoding.worker import begin_as_child, limit_memory
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.rtsp.source import Item, stream_here
 from gcs_mosaic.messages import Frame, Notice, SourceReport, TriggerEvent
+from gcs_mosaic.processes.limits import limit_memory
 
 MOST_ASKED = 4096  # requests whose events are remembered
 MOST_BYTES = (
@@ -34,7 +35,7 @@ Message = dict[str, Any]
 
 def receive(pipe: Connection, address: str, settings: StreamSettings) -> None:
     """Main function of the process."""
-    begin_as_child()
+    outlive_signals()
     limit_memory(MOST_BYTES + 3 * settings.ring_mb * 10**6)
     sender = _Sender(pipe)
     logging.basicConfig(level=logging.INFO, handlers=[sender])

@@ -20,8 +20,8 @@ from typing import Any
 import cv2
 
 from gcs_mosaic.children import outlive_signals
-from gcs_mosaic.frames.decoding.worker import limit_memory
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from gcs_mosaic.processes.limits import limit_memory
 
 MOST_BYTES = 3 << 30  # of address space: pictures of 8K, and the threads of their decoder
 CPU_S = 60.0  # computing time, of all threads, from one picture to the next
