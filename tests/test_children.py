@@ -18,7 +18,6 @@ PACKAGE = Path(children.__file__).parent
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 # Who starts processes, and what runs in them: begin there with `outlive_signals`.
 CHILDREN = {
-    "frames/child_process.py": "frames/rtsp/stream_process.py",
     "processes/child.py": "processes/main.py",
     "web/page_keeper.py": "web/page_process.py",
     "web/hint_keeper.py": "hints/hint_process.py",
@@ -60,5 +59,5 @@ def test_each_process_of_the_program_begins_so() -> None:
     rooms = [path for path in PACKAGE.rglob("*.py") if path.parts[-2] not in ("cli", "sitl", "config")]
     found = {path.relative_to(PACKAGE).as_posix() for path in rooms if starts.search(path.read_text("utf-8"))}
     assert found == set(CHILDREN)
-    for begins in (*CHILDREN.values(), "frames/video/process.py"):
+    for begins in CHILDREN.values():
         assert re.search(r"(?:outlive_signals|begin_as_child)\(\)", (PACKAGE / begins).read_text("utf-8"))

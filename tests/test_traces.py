@@ -85,7 +85,6 @@ SILENT = {
     ),
     ("frames/rtsp/stream_process.py", "receive"): (1, "another process: its pipe is closed when the program ends"),
     ("frames/rtsp/stream_process.py", "_hear"): (1, "another process: its pipe is closed when the program ends"),
-    ("frames/rtsp/stream_process.py", "_Sender.emit"): (1, "another process: the flight is gone, whose log it is"),
     ("app/heap.py", "give_back"): (1, "another C library, which has no such thing"),
     ("stitch/bundle/worker.py", "_send"): (1, "the result, waited for, tells that the process has died"),
     ("stitch/bundle/worker.py", "_work"): (1, "another process: its pipe is closed when the program ends"),
