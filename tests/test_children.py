@@ -19,7 +19,6 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 # Who starts processes, and what runs in them: begin there with `outlive_signals`.
 CHILDREN = {
     "processes/child.py": "processes/main.py",
-    "web/page_keeper.py": "web/page_process.py",
     "web/hint_keeper.py": "hints/hint_process.py",
 }
 LONG_START = """

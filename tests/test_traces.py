@@ -72,11 +72,9 @@ SILENT = {
     ("processes/child.py", "ChildProcess.__init__"): (1, "the process has ended, which whoever asks it is told"),
     ("processes/main.py", "main"): (1, "another process: its pipe is closed when the program ends"),
     ("processes/pipe.py", "Teller.tell"): (1, "another process: the flight is gone, whose log it is"),
+    ("web/page_keeper.py", "PageKeeper._answer"): (1, "the page's process has ended, which is said"),
     ("web/page_keeper.py", "PageKeeper._serve"): (1, "the page's process has ended, which is said"),
-    ("web/page_keeper.py", "_Child.__init__"): (1, "the page's process has ended, which is said"),
-    ("web/page_keeper.py", "_Child._read"): (1, "the page's process was ended, and its pipe closed"),
-    ("web/page_process.py", "_begin_as_child"): (1, "another system, which has no such thing"),
-    ("web/page_process.py", "_Teller.__call__"): (1, "another process: the flight is gone, whose log it is"),
+    ("web/page_process.py", "serve_page"): (1, "another process: its pipe is closed when the flight has ended"),
     ("app/status.py", "Reporter._put"): (1, "logged by the handler around it"),
     ("frames/decoding/worker.py", "work"): (1, "another process: its pipe is closed when the program ends"),
     ("frames/decoding/worker.py", "_tried"): (

@@ -13,7 +13,7 @@ logger = logging.getLogger(__name__)
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 10.0
 LIVED_S = 30.0  # then what has ended a process is not its start
-HUNG_S = 30.0  # each child that is watched gives a sign of life every second
+HUNG_S = 30.0  # each child that is watched gives a sign of life every few seconds
 LONGEST_LOOK_S = 1.0
 
 

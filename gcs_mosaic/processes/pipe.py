@@ -80,9 +80,12 @@ class TellingHandler(logging.Handler):
 
 
 def was_logged(message: Message, what: str) -> bool:
-    """Whether this was a log record of a child, `what`, which is in our log then. Raises ValueError, TypeError."""
+    """Whether this was a log record of a child, `what`, which is in our log then. Raises OSError for an odd one."""
     if "log" not in message:
         return False
-    level, text = message["log"]
-    logger.log(int(level), "%s: %s", what, text)
+    try:
+        level, text = message["log"]
+        logger.log(int(level), "%s: %s", what, text)
+    except (TypeError, ValueError) as error:
+        raise OSError("no message of ours") from error
     return True
