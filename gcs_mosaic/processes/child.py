@@ -48,7 +48,7 @@ class ChildProcess:
             raise
         self.pid = self._process.pid
         atexit.register(self.kill)  # it does not end on a signal that is for the program
-        self._words = threading.Thread(target=_log_words, args=(self._process.stdout, what), daemon=True)
+        self._words = threading.Thread(target=_log_words, args=(self._process.stdout, what), name="words", daemon=True)
         try:
             self._words.start()
         except RuntimeError as error:

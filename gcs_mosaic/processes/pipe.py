@@ -46,7 +46,7 @@ def messages(pipe: Connection, wait_s: float) -> Iterator[tuple[Message, bytes]]
         wait_s = 0.0
 
 
-class Teller:
+class ChildTeller:
     """A child's voice, from any of its threads."""
 
     def __init__(self, pipe: Connection) -> None:
@@ -71,7 +71,7 @@ class Teller:
 class TellingHandler(logging.Handler):
     """Passes log records on to the program."""
 
-    def __init__(self, teller: Teller) -> None:
+    def __init__(self, teller: ChildTeller) -> None:
         super().__init__()
         self._teller = teller
 

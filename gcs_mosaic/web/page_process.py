@@ -12,7 +12,7 @@ from functools import partial
 from multiprocessing.connection import Connection
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.processes.pipe import Teller
+from gcs_mosaic.processes.pipe import ChildTeller
 from gcs_mosaic.web.page_task import PageTask
 from gcs_mosaic.web.sparing_log import SparingHandler
 
@@ -22,7 +22,7 @@ def serve_page(pipe: Connection, task: PageTask) -> None:
     from gcs_mosaic.web.feed import Feed
     from gcs_mosaic.web.server import WebServer  # loads a server, which is not for the flight
 
-    teller = Teller(pipe)
+    teller = ChildTeller(pipe)
     logging.basicConfig(level=logging.INFO, handlers=[SparingHandler(teller.log)])
     logging.captureWarnings(True)
     feed = Feed()

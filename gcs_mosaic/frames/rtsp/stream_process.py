@@ -19,7 +19,7 @@ from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.rtsp.source import Item, stream_here
 from gcs_mosaic.messages import Frame, Notice, SourceReport, TriggerEvent
 from gcs_mosaic.processes.limits import limit_memory
-from gcs_mosaic.processes.pipe import Teller, TellingHandler
+from gcs_mosaic.processes.pipe import ChildTeller, TellingHandler
 
 MOST_ASKED = 4096  # requests whose events are remembered
 MOST_BYTES = (
@@ -30,7 +30,7 @@ MOST_BYTES = (
 def receive(pipe: Connection, address: str, settings: StreamSettings) -> None:
     """Main function of the process."""
     limit_memory(MOST_BYTES + 3 * settings.ring_mb * 10**6)
-    teller = Teller(pipe)
+    teller = ChildTeller(pipe)
     logging.basicConfig(level=logging.INFO, handlers=[TellingHandler(teller)])
     stop, requests, asked = threading.Event(), Requests(), _Asked()
     threading.Thread(target=_hear, args=(pipe, requests, asked, stop), name="requests", daemon=True).start()
@@ -76,7 +76,7 @@ class _Asked:
             return None if event is None else self._numbers.get(event)
 
 
-def _send(item: Item, teller: Teller, asked: _Asked) -> None:
+def _send(item: Item, teller: ChildTeller, asked: _Asked) -> None:
     match item:
         case Frame(data=bytes(data)):
             told = {"name": item.name, "received": item.received, "modified": item.modified}
