@@ -51,8 +51,10 @@ class ChildProcess:
         self._words = threading.Thread(target=_log_words, args=(self._process.stdout, what), name="words", daemon=True)
         try:
             self._words.start()
-        except RuntimeError as error:
+        except RuntimeError as error:  # no more threads
+            self.pipe.close()
             self.kill()
+            self._process.wait()
             raise OSError(str(error)) from error
         with suppress(OSError):  # it has ended already, which its pipe tells
             self.pipe.send(given)

@@ -85,6 +85,8 @@ class PageKeeper:
             answer = self._answer(child)
             if not self._first.done():
                 self._first.set_result(answer)
+                if "refused" in answer:  # which ends the program's start
+                    break
             if "listening" in answer:
                 self._serve(child, int(answer["listening"]))
             elif not self._stop.is_set():
