@@ -17,7 +17,7 @@ ALLOWED = {
     "__init__": STITCH,  # the front door for programs
     "errors": set(),
     "messages": set(),
-    "children": set(),
+    "processes": set(),
     "stitch": set(),
     "stitch.arrays": set(),
     "stitch.transaction": set(),
@@ -27,14 +27,14 @@ ALLOWED = {
     },
     "stitch.bundle": {
         *("stitch.arrays", "stitch.transaction", *(f"stitch.{below}" for below in STITCHING[:4])),
-        "children",  # it adjusts in a process of its own
+        "processes",  # it adjusts in a process of its own
     },
     "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
     "baseline": {"render", *STITCH - {"stitch.mosaic"}},
     "geo": {"errors"},
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},
-    "frames": {"children", "stitch.arrays", "messages", "errors"},
+    "frames": {"processes", "stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "export": {
         *("geotiles", "geo", "notes", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"),
@@ -46,13 +46,26 @@ ALLOWED = {
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
     "geotiles": {"geo", "views", "store", "render", "stitch.arrays", "errors"},
-    "hints": {"children", "views", "store", "render", "stitch.arrays", "stitch.camera", "stitch.features", "errors"},
+    "hints": {
+        "processes",
+        "views",
+        "store",
+        "render",
+        "stitch.arrays",
+        "stitch.camera",
+        "stitch.features",
+        "errors",
+    },
     "web": {
         *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
-        *("children", "messages", "errors"),
+        *("processes", "messages", "errors"),
     },
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
-    "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
+    "config": {
+        *("processes", "mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints"),
+        *STITCH,
+        "errors",
+    },
     "app": {
         *("notes", "config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
         *STITCH,
@@ -99,7 +112,7 @@ ONLY = {
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
-FRONT_DOOR = {"__init__", "__main__", "children", "errors", "messages"}
+FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 
@@ -165,7 +178,7 @@ def test_links_are_opened_before_the_stitching_and_a_server_are_loaded() -> None
 
 def test_the_page_is_served_without_what_stitches_and_a_flight_loads_no_server() -> None:
     heavy = ("scipy", "rich", "yaml", "pymavlink", "tifffile")
-    assert loaded_by("import gcs_mosaic.web.page_process", *heavy) == "[]"
+    assert loaded_by("import gcs_mosaic.web.page_process, gcs_mosaic.web.server", *heavy) == "[]"
     assert loaded_by("import gcs_mosaic.app.live", "aiohttp", "segno") == "[]"
 
 

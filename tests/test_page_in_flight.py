@@ -57,7 +57,7 @@ def test_the_map_stays_on_the_page_and_goes_on_by_itself(page: Page, tmp_path: P
         fly_on(flight, pictures, range(2, 3))
         page.wait_for(f"{PLACED} === 3", 30)
         until(lambda: "the page is there again" in flight.said, "it is said")
-        assert flight.said.count("the page's process has ended (signal 9)") == 1
+        assert flight.said.count("the page's process has ended (SIGKILL)") == 1
         assert page_of(flight) != killed
         fly_on(flight, pictures, range(3, 4))
         page.wait_for(f"{PLACED} === 4", 30)

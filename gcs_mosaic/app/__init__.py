@@ -15,13 +15,14 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 | `tiles` (pool of 2) | `store.tiles` | the tile files being encoded and written |
 | `durability` | `store.durability` | nothing: syncs the ledger to disk |
 | `checkpoint` | `store.checkpoint` | the checkpoint files while one is written |
-| `page`, `page news` | `web.page_keeper` | the pipes to the page's process, and the changes that it has not been told of yet |
+| `page` | `web.page_keeper` | the pipe to the page's process, and the changes that it has not been told of yet |
 | process of the page | `web.page_keeper` | the open pages; reads tiles and documents, writes nothing |
 | in it `web`, `web tiles` (pool of 2) | `web.server` | connections and requests; tiles being filled |
-| in it process `hints` | `web.hint_keeper`, while somebody wants hints | `hints.sqlite`; reads ledger and originals |
+| in it `hints`, process `hints` | `web.hint_keeper`, while somebody wants hints | `hints.sqlite`; reads ledger and originals |
 | process `adjust`, thread `adjust` | `stitch.bundle.worker` | a copy of one island's problem, until the result is sent |
 
-Objects passed between them are never changed afterwards. Processes end with the program, however it ends. One that dies is
-started again: `decode` for the next picture, after a pause if it died more than once; `stream` at once, and more slowly if it
-dies again; `adjust` for the next adjustment, some frames later.
+Each process has a thread in the program that logs what it prints. Objects passed between them are never changed afterwards.
+Processes end with the program, however it ends. One that dies is started again at once, and more slowly if it dies again
+(`processes.keeper`): `stream`, the page and `hints` by themselves, `decode` for the next picture, `adjust` for the next
+adjustment, some frames later.
 """

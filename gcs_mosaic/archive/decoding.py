@@ -5,7 +5,6 @@ What has been decoded there once can be trusted: later stages decode it where th
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Callable
 from functools import lru_cache
@@ -40,6 +39,4 @@ def core_s() -> float:
 @lru_cache(1)
 def _decoders(settings: DecodeSettings, max_pixels: int) -> Decoders:
     """Of this worker, until it ends; their process ends with it."""
-    # Dask's nanny starts workers as daemons, which may have no children, lest those be left behind.
-    multiprocessing.current_process().daemon = False
     return Decoders(settings, max_pixels, processes=1)

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.decoding.worker import limit_memory
+from gcs_mosaic.processes.limits import limit_memory
 from gcs_mosaic.stitch.features.learned import REMEDY, LearnedDetector, UnusableModel, model_bytes
 
 PROGRAM = (sys.executable, "-P", "-m", "gcs_mosaic.config.model_trial")

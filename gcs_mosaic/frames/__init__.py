@@ -2,5 +2,5 @@
 
 Their pictures are decoded in processes of their own (`decoding`).
 
-May import `messages`, `errors` and `stitch.arrays`; used by `app`, and by `export` to decode originals.
+May import `processes`, `messages`, `errors` and `stitch.arrays`; used by `app`, and by `export` to decode originals.
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 from gcs_mosaic.render.tile_grid import Tile
 
@@ -28,14 +28,6 @@ class Change:
     def of_frame(cls, revision: int, tiles: Iterable[tuple[int, Tile]] | None) -> Self:
         """The tiles that painting one frame changed (None: any); refreshed ancestors among them are left out."""
         return cls(revision, None if tiles is None else finest(tiles))
-
-    @classmethod
-    def read(cls, document: Any) -> Self:
-        """The inverse of `json`, of its parsed text."""
-        tiles = document["tiles"]
-        return cls(
-            document["revision"], None if tiles is None else frozenset((i, Tile(z, x, y)) for i, z, x, y in tiles)
-        )
 
     def after(self, earlier: Change | None) -> Change:
         """This change merged with an earlier one."""

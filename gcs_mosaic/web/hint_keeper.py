@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
-import asyncio
-import json
 import logging
-import os
-import sys
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
+from gcs_mosaic.hints.hint_process import seek_hints
 from gcs_mosaic.hints.settings import HintSettings
+from gcs_mosaic.hints.sought import SoughtColour
 from gcs_mosaic.notes.hint_wishes import PickedColour
+from gcs_mosaic.processes.child import ChildProcess, ending
+from gcs_mosaic.processes.keeper import one_after_another
+from gcs_mosaic.processes.pipe import Message, messages, was_logged
 
 logger = logging.getLogger(__name__)
 
-# -P: nothing is imported from the working directory
-PROGRAM = (sys.executable, "-P", "-m", "gcs_mosaic.hints.hint_process")
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0  # before another is started; doubles while none lives
-LIVED_S = 60.0  # then what ended it is not the start itself
-END_S = 3.0  # to end by itself
-LONGEST_LINE = 1 << 16
+WHAT = "the process that seeks hints"
+NICENESS = 15  # of 19: the flight and its page come first
+LONGEST_PAUSE_S = 60.0  # before another is started: nobody waits for it, and loading a model takes from the flight
+LOOK_S = 0.2  # longest delay of a wish
 
 State = Literal["off", "starting", "seeking", "refused"]
 
 
 class HintKeeper:
-    """Use it from one event loop. `state` and `trouble` are for whoever looks."""
+    """Runs from `start` to `stop`. `state` and `trouble` are for whoever looks."""
 
     def __init__(self, root: Path, settings: HintSettings) -> None:
         self.state: State = "off"
@@ -37,7 +36,9 @@ class HintKeeper:
         self._root, self._settings = root, settings
         self._asked: bool | None = None
         self._colours: Sequence[PickedColour] = ()
-        self._news = asyncio.Event()
+        self._is_over = False
+        self._unwanted, self._news = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._keep, name="hints", daemon=True)
 
     @property
     def is_asked(self) -> bool:
@@ -48,101 +49,60 @@ class HintKeeper:
         """What is wanted now; `asked` None: as the settings say."""
         if (asked, list(colours)) != (self._asked, list(self._colours)):
             self._asked, self._colours = asked, list(colours)
-            self._news.set()
+            self._pass_on()
 
-    async def keep_for_ever(self) -> None:
+    def start(self) -> None:
+        self._pass_on()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Returns when the process has ended, which takes some seconds at most."""
+        self._is_over = True
+        self._pass_on()
+        self._thread.join()
+
+    def _pass_on(self) -> None:
+        if self.is_asked and not self._is_over:
+            self._unwanted.clear()
+        else:
+            self._unwanted.set()
+        self._news.set()
+
+    def _keep(self) -> None:
         """Have the process while it is wanted."""
-        pause = FIRST_PAUSE_S
-        while True:
-            if not self.is_asked:
-                self.state, self.trouble = "off", ""
-                await self._changed()
-                continue
-            began = asyncio.get_running_loop().time()
-            await self._seek()
-            if self.is_asked:
-                lived = asyncio.get_running_loop().time() - began
-                pause = FIRST_PAUSE_S if lived > LIVED_S else min(2 * pause, LONGEST_PAUSE_S)
-                with suppress(TimeoutError):
-                    await asyncio.wait_for(self._changed(), pause)
+        while not self._is_over:
+            for child in one_after_another(self._begun, WHAT, self._unwanted, LONGEST_PAUSE_S):
+                self._serve(child)
+            self.state, self.trouble = "off", ""
+            self._news.wait()
+            self._news.clear()
 
-    async def _seek(self) -> None:
-        """One process, from its start to its end."""
+    def _begun(self) -> ChildProcess:
         self.state = "starting"
         try:
-            process = await asyncio.create_subprocess_exec(
-                *PROGRAM,
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.STDOUT,
-                limit=LONGEST_LINE,
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(place or str(Path.cwd()) for place in sys.path)},
-            )
+            return ChildProcess(WHAT, seek_hints, self._root.absolute(), self._settings, niceness=NICENESS)
         except OSError:
-            logger.warning("hints cannot be sought: their process does not start", exc_info=True)
             self.trouble = "The process that seeks hints cannot be started now; it is tried again."
-            return
-        reader = asyncio.create_task(self._read(process))
-        try:
-            await self._tell_it(process, reader)
-        finally:
-            await _end(process)
-            reader.cancel()
-            with suppress(asyncio.CancelledError):
-                await reader
+            raise
 
-    async def _tell_it(self, process: asyncio.subprocess.Process, reader: asyncio.Task[None]) -> None:
-        """Tell what is wanted, until nothing is or the process has ended."""
-        task = {"root": str(self._root.absolute()), "settings": asdict(self._settings)}
-        with suppress(ConnectionError):
-            await _write(process, task)
-            while self.is_asked and not reader.done():
-                told = [{"number": one.id, "bgr": one.bgr, "tolerance": one.tolerance} for one in self._colours]
-                await _write(process, {"colours": told})
-                news = asyncio.create_task(self._changed())
-                await asyncio.wait([news, reader], return_when=asyncio.FIRST_COMPLETED)
-                news.cancel()
-        if self.is_asked and self.state != "refused":
-            logger.warning("the process that seeks hints has ended; it is started again")
+    def _serve(self, child: ChildProcess) -> None:
+        """Tell what is wanted, and hear, until nothing is wanted or the process has ended."""
+        told: Sequence[PickedColour] | None = None
+        with suppress(EOFError, OSError):
+            while not self._unwanted.is_set():
+                if told is not self._colours:
+                    told = self._colours
+                    child.pipe.send([SoughtColour(number=one.id, bgr=one.bgr, tolerance=one.tolerance) for one in told])
+                for message, _ in messages(child.pipe, LOOK_S):
+                    self._hear(message)
+        if not self._unwanted.is_set() and self.state != "refused":
+            logger.warning("%s has ended (%s); it is started again", WHAT, ending(child.end()))
             self.state, self.trouble = "starting", "The process that seeks hints has ended; it is started again."
 
-    async def _read(self, process: asyncio.subprocess.Process) -> None:
-        """Take in what it tells, until it ends."""
-        assert process.stdout is not None, "a pipe"
-        with suppress(ValueError):  # a line that is too long
-            while line := await process.stdout.readline():
-                self._hear(line)
-
-    def _hear(self, line: bytes) -> None:
-        try:
-            told = dict(json.loads(line))
-        except (ValueError, TypeError):
-            logger.warning("the process that seeks hints: %s", line.decode("utf-8", "replace").rstrip())
+    def _hear(self, message: Message) -> None:
+        if was_logged(message, WHAT):
             return
-        if "ready" in told:
+        if "ready" in message:
             self.state, self.trouble = "seeking", ""
-        elif "refused" in told:
-            self.state, self.trouble = "refused", str(told["refused"])
-
-    async def _changed(self) -> None:
-        await self._news.wait()
-        self._news.clear()
-
-
-async def _write(process: asyncio.subprocess.Process, told: object) -> None:
-    """Raises ConnectionError when it has ended."""
-    assert process.stdin is not None, "a pipe"
-    process.stdin.write(f"{json.dumps(told)}\n".encode())
-    await process.stdin.drain()
-
-
-async def _end(process: asyncio.subprocess.Process) -> None:
-    """Close its input and wait for its end, which is brought about if need be."""
-    assert process.stdin is not None, "a pipe"
-    process.stdin.close()
-    try:
-        await asyncio.wait_for(process.wait(), END_S)
-    except TimeoutError:
-        with suppress(ProcessLookupError):
-            process.kill()
-        await process.wait()
+        elif "refused" in message:
+            self.state, self.trouble = "refused", str(message["refused"])

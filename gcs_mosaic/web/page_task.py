@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.web.address import HttpAddress
@@ -25,17 +24,3 @@ class PageTask:
 
     def at(self, port: int) -> Self:
         return replace(self, address=replace(self.address, port=port))
-
-    def json(self) -> str:
-        return json.dumps(asdict(self) | {"root": str(self.root.absolute())})
-
-    @classmethod
-    def read(cls, told: dict[str, Any]) -> Self:
-        """The inverse of `json`, of its parsed text."""
-        return cls(
-            root=Path(told["root"]),
-            address=HttpAddress(**told["address"]),
-            access=Access(**told["access"]),
-            settings=WebSettings(**told["settings"]),
-            hints=HintSettings(**told["hints"]),
-        )

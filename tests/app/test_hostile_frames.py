@@ -50,7 +50,6 @@ def test_the_frames_behind_a_hostile_one_are_placed(folder: Path, tmp_path: Path
                 preparation.append(accepted)
             process = pipeline.decoders._desks[-1]._process
             assert process is not None
-            assert process.pid is not None
             os.kill(process.pid, signal.SIGKILL)
             done = {}
             while (prepared := preparation.next()) is not None:

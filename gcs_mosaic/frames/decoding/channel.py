@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
-from collections.abc import Callable
-from multiprocessing import reduction
 from multiprocessing.connection import Connection
-from typing import Any
 
-Message = dict[str, Any]
+from gcs_mosaic.processes import pipe as pipes
+from gcs_mosaic.processes.pipe import Message
 
 KEPT_BYTES = 256 << 20  # of the shared file, between two pictures
 
@@ -19,31 +16,23 @@ class DecoderChannel:
     """One end. The masses go through a nameless file that both ends have open, so that a copy takes a few milliseconds and
     nothing is left behind whichever side is killed; through the pipe where there is no such file (Windows).
 
-    Messages are JSON: what a decoder under attack sends can be wrong, but not be executed. Raises EOFError or OSError when
-    the other end is gone.
+    Raises EOFError or OSError when the other end is gone.
     """
 
     def __init__(self, pipe: Connection, file: int | None) -> None:
         self._pipe, self._file = pipe, file
 
-    def __reduce__(self) -> tuple[Callable[..., DecoderChannel], tuple[Connection, Any]]:
-        """For handing it to a new process."""
-        return _received, (self._pipe, None if self._file is None else reduction.DupFd(self._file))
-
     def send(self, message: Message, mass: memoryview = memoryview(b"")) -> None:  # noqa: B008 - never changes
         """A message and, if not empty, flat bytes."""
         if self._file is not None and mass.nbytes:
             _write(self._file, mass)
-        self._pipe.send_bytes(json.dumps(message).encode())
+        pipes.send(self._pipe, message)
         if self._file is None and mass.nbytes:
             self._pipe.send_bytes(mass)
 
     def receive(self) -> Message:
         """The next message; if it came with a mass, `fill` is next."""
-        message = json.loads(self._pipe.recv_bytes())
-        if not isinstance(message, dict):
-            raise OSError("no message of ours")
-        return message
+        return pipes.receive(self._pipe)[0]
 
     def fill(self, mass: memoryview) -> None:
         """Flat bytes, as many as there is room for."""
@@ -53,20 +42,14 @@ class DecoderChannel:
         else:
             _read(self._file, mass)
 
-    @property
-    def descriptors(self) -> set[int]:
-        """In use."""
-        return {self._pipe.fileno(), *([] if self._file is None else [self._file])}
-
     def poll(self, timeout_s: float) -> bool:
         """Whether there is a message, or the other end is gone."""
         return self._pipe.poll(timeout_s)
 
     def close(self) -> None:
         self._pipe.close()
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+        close_file(self._file)
+        self._file = None
 
 
 def nameless_file() -> int | None:
@@ -79,8 +62,9 @@ def nameless_file() -> int | None:
         return os.dup(file.fileno())
 
 
-def _received(pipe: Connection, file: Any) -> DecoderChannel:
-    return DecoderChannel(pipe, None if file is None else file.detach())
+def close_file(file: int | None) -> None:
+    if file is not None:
+        os.close(file)
 
 
 def _write(file: int, mass: memoryview) -> None:

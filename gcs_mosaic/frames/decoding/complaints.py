@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Collection
 
 from gcs_mosaic.frames.decode import ends_early, share_missing
 from gcs_mosaic.frames.jpeg import jpeg_picture
@@ -22,14 +21,11 @@ _SHORT = ("premature end of data", "found marker 0xd9 instead of")  # in libjpeg
 
 
 class Complaints:
-    """Catches what this process' libraries print, from now on: what they say is not for the terminal.
+    """Catches what this process' libraries print, from now on."""
 
-    `others`: descriptors in use for something else; a program that was started without a terminal has some of the lowest.
-    """
-
-    def __init__(self, others: Collection[int]) -> None:
+    def __init__(self) -> None:
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 - for as long as the process lives
-        for printed_to in {1, 2}.difference(others):
+        for printed_to in (1, 2):
             os.dup2(self._file.fileno(), printed_to)
 
     def take(self) -> str:

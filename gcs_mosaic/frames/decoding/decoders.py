@@ -14,15 +14,16 @@ import numpy as np
 
 from gcs_mosaic.frames.decode import Unreadable, bytes_of, decode_whole
 from gcs_mosaic.frames.decoding.limits import DecodeSettings, allowance, machine_memory, refusal
-from gcs_mosaic.frames.decoding.process import DecoderProcess, Job, ProcessEnded
+from gcs_mosaic.frames.decoding.process import WHAT, DecoderProcess, Job, ProcessEnded
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
 from gcs_mosaic.messages import Frame
+from gcs_mosaic.processes.keeper import Pauses
 from gcs_mosaic.stitch.arrays import Bands
 
 logger = logging.getLogger(__name__)
 
 PROCESSES = 2  # as many as frames are prepared at one time
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 2.0  # before a process is started again that has ended several times in a row
+LONGEST_PAUSE_S = 2.0  # before a process is started again: frames wait for it
 STARTING_S = 60.0  # after which a process that cannot be started is given up for a frame
 ENDING = Unreadable("the program is ending", passing=True)
 
@@ -119,9 +120,9 @@ class Decoders:
     def _tell(self, ended: ProcessEnded, in_a_row: int) -> None:
         if self._closing.is_set():
             return
-        logger.warning("a process that decodes frames has ended (%s), %d in a row", ended, in_a_row)
+        logger.warning("%s has ended (%s), %d in a row", WHAT, ended, in_a_row)
         if in_a_row == 1 and not ended.by_time_limit:
-            self._troubles.append(f"a process that decodes frames has ended ({ended}); it is started again")
+            self._troubles.append(f"{WHAT} has ended ({ended}); it is started again")
 
 
 class _Desk:
@@ -133,6 +134,7 @@ class _Desk:
         self._lock = threading.Lock()  # a process is begun, or all are ended
         self._process: DecoderProcess | None = None
         self._ended_in_a_row = 0
+        self._pauses = Pauses(LONGEST_PAUSE_S)
 
     def decode(self, job: Job) -> Bands | Unreadable | ProcessEnded:
         """By a process that is there, or by a new one."""
@@ -141,6 +143,7 @@ class _Desk:
             found = self._once(job)
             if not isinstance(found, ProcessEnded):
                 self._ended_in_a_row = 0
+                self._pauses.forget()
                 return found
             self._ended_in_a_row += 1
             self._tell(found, self._ended_in_a_row)
@@ -160,7 +163,7 @@ class _Desk:
 
     def _once(self, job: Job) -> Bands | Unreadable | ProcessEnded:
         if self._process is None:
-            self._closing.wait(_pause_s(self._ended_in_a_row))
+            self._closing.wait(self._pauses.after(0.0))
             self.begin()
         if self._process is None:
             return ProcessEnded(None, began=False)
@@ -179,12 +182,7 @@ class _Desk:
             try:
                 self._process = DecoderProcess()
             except OSError:
-                logger.warning("a process that decodes frames cannot be started", exc_info=True)
-
-
-def _pause_s(ended_in_a_row: int) -> float:
-    """Before a process is started again."""
-    return 0.0 if ended_in_a_row < 2 else float(min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2 ** min(ended_in_a_row, 10)))
+                logger.warning("%s cannot be started", WHAT, exc_info=True)
 
 
 def _reason(ended: ProcessEnded, job: Job) -> str:

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import logging
-import multiprocessing
 import signal
 from dataclasses import dataclass
-from json import JSONDecodeError
 
 import numpy as np
 
-from gcs_mosaic.children import starting
 from gcs_mosaic.frames.decode import Unreadable, reduced_shape
-from gcs_mosaic.frames.decoding.channel import DecoderChannel, Message, nameless_file
+from gcs_mosaic.frames.decoding.channel import DecoderChannel, close_file, nameless_file
 from gcs_mosaic.frames.decoding.limits import Allowance
 from gcs_mosaic.frames.decoding.worker import READY, request_of, work
 from gcs_mosaic.frames.structure import Whole
+from gcs_mosaic.processes.child import ChildProcess, ending
+from gcs_mosaic.processes.pipe import Message
 from gcs_mosaic.stitch.arrays import Bands
 
 logger = logging.getLogger(__name__)
 
-GRACE_S = 1.0  # for a process whose pipe is closed to be gone
+WHAT = "a process that decodes frames"
 KINDS = {"uint8": np.uint8, "uint16": np.uint16}
 
 
@@ -56,52 +53,37 @@ class ProcessEnded:
         return self.exit_code is None or not self.began or -self.exit_code in outside
 
     def __str__(self) -> str:
-        if self.exit_code is None:
-            return "no answer"
-        if self.exit_code >= 0:
-            return f"exit code {self.exit_code}"
-        names = {one.value: one.name for one in signal.Signals}
-        return names.get(-self.exit_code, f"signal {-self.exit_code}")
+        return ending(self.exit_code)
 
 
 class DecoderProcess:
     """A worker process; ready some tenths of a second after it is made. For one thread at a time, but for `kill`."""
 
     def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")  # threads are running: a fork could inherit their locks
-        ours, theirs = context.Pipe()
         file = nameless_file()
-        self._channel = DecoderChannel(ours, file)
-        self._process = context.Process(target=work, args=(DecoderChannel(theirs, file),), name="decode", daemon=True)
-        self._is_ready = False
         try:
-            with starting():
-                self._process.start()
+            self._child = ChildProcess(WHAT, work, file, shared=() if file is None else (file,))
         except BaseException:
-            self._channel.close()
+            close_file(file)
             raise
-        finally:
-            theirs.close()
-        self.pid = self._process.pid
-        atexit.register(self.kill)  # it does not end on a signal that is for the program
+        self._channel = DecoderChannel(self._child.pipe, file)
+        self._is_ready = False
+        self.pid = self._child.pid
 
     def decode(self, job: Job) -> Bands | Unreadable | ProcessEnded:
         """The picture, or why there is none. After ProcessEnded this object is of no more use."""
         try:
             found = self._decoded(job)
-        except (EOFError, OSError, JSONDecodeError):
-            logger.info("a process that decodes has ended", exc_info=True)
-            self._process.join(GRACE_S)
-            return self._ended(self._process.exitcode)
+        except (EOFError, OSError):
+            logger.info("%s has ended", WHAT, exc_info=True)
+            code = self._child.end()
+            self.close()
+            return ProcessEnded(code, self._is_ready)
         if found is None:
-            logger.warning("a process that decodes has brought nothing for %g s", job.wall_s)
-            return self._ended(None)
+            logger.warning("%s has brought nothing for %g s", WHAT, job.wall_s)
+            self.close()
+            return ProcessEnded(None, self._is_ready)
         return found
-
-    def _ended(self, exit_code: int | None) -> ProcessEnded:
-        began = self._is_ready
-        self.close()
-        return ProcessEnded(exit_code, began)
 
     def _decoded(self, job: Job) -> Bands | Unreadable | None:
         """None if nothing has come in time."""
@@ -129,13 +111,10 @@ class DecoderProcess:
 
     def kill(self) -> None:
         """End it, whatever it is doing; whoever waits for it is told. From any thread."""
-        with contextlib.suppress(ValueError):  # it is closed
-            self._process.kill()
+        self._child.kill()
 
     def close(self) -> None:
-        """End it and release everything."""
-        atexit.unregister(self.kill)
-        self._process.kill()
-        self._process.join()
-        self._process.close()
+        """End it, whatever it is doing, and release everything."""
+        self.kill()
+        self._child.end()
         self._channel.close()

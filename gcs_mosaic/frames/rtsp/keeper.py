@@ -8,27 +8,27 @@ import re
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.child_process import ChildProcess
 from gcs_mosaic.frames.rtsp.address import AUTO, check_allowed, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.rtsp.source import Item, stream_name
-from gcs_mosaic.frames.rtsp.stream_process import MOST_ASKED, Message, messages, receive
+from gcs_mosaic.frames.rtsp.stream_process import MOST_ASKED, receive
 from gcs_mosaic.messages import Frame, Notice, SourceReport, SourceState, TriggerEvent, content_hash
+from gcs_mosaic.processes.child import ChildProcess, ending
+from gcs_mosaic.processes.keeper import Silence, one_after_another
+from gcs_mosaic.processes.pipe import Message, messages, was_logged
 
 logger = logging.getLogger(__name__)
 
 LOOK_S = 0.02  # longest delay of a request
-SIGNS_LOOKS = 1500  # without a report, which comes each second: it hangs. Counted, as the machine may have been asleep
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0  # before it is started again; doubles while it lives for no longer than
-LIVED_LOOKS = 500
+WHAT = "the process that receives the stream"
 NAME = re.compile(r"stream/\d{8}-\d{6}\.\d{3}(#\d{1,6})?\.jpg")
 COUNTS = ("seen", "taken", "damaged", "gaps")
 LEVELS = ("info", "warning", "error")
@@ -63,36 +63,31 @@ class _Keeper:
 
     def items(self, stop: threading.Event) -> Iterator[Item]:
         """All items, until `stop` is set."""
-        pause = FIRST_PAUSE_S
-        while not stop.is_set():
-            process = _started(self._address, self._settings)
-            looks = 0
-            if process is not None:
-                looks = yield from self._served(process, stop)
-                ended = process.end()
-                if stop.is_set():
-                    return
-                yield from self._gone(ended)
-            pause = FIRST_PAUSE_S if looks > LIVED_LOOKS else min(2 * pause, LONGEST_PAUSE_S)
-            stop.wait(pause)
+        for process in one_after_another(self._started, WHAT, stop):
+            yield from self._served(process, stop)
+            ended = process.end()
+            if not stop.is_set():
+                yield from self._gone(ending(ended))
 
-    def _served(self, process: ChildProcess, stop: threading.Event) -> Generator[Item, None, int]:
-        """Items of one process until it has ended or hangs; returns how often it was looked at."""
-        looks = silent = 0
+    def _started(self) -> ChildProcess:
+        return ChildProcess(WHAT, receive, self._address, self._settings)
+
+    def _served(self, process: ChildProcess, stop: threading.Event) -> Iterator[Item]:
+        """Items of one process until it has ended or hangs, or `stop` is set."""
+        silence = Silence()  # a report comes each second
         try:
             if self._offer is not None:
                 process.pipe.send(self._offer)
-            while not stop.is_set() and silent < SIGNS_LOOKS:
+            while not stop.is_set():
                 self._pass_on(process)
-                looks, silent = looks + 1, silent + 1
                 for message, mass in messages(process.pipe, LOOK_S):
-                    silent = 0
+                    silence.heard()
                     yield from self._items_of(message, mass)
+                if silence.is_too_long():
+                    logger.warning("%s hangs", WHAT)
+                    return
         except (EOFError, OSError):
-            logger.info("the process that receives the stream has ended", exc_info=True)
-        if silent >= SIGNS_LOOKS:
-            logger.warning("the process that receives the stream hangs")
-        return looks
+            logger.info("%s has ended", WHAT, exc_info=True)
 
     def _pass_on(self, process: ChildProcess) -> None:
         """Raises OSError when it has ended."""
@@ -111,10 +106,9 @@ class _Keeper:
     def _items_of(self, message: Message, mass: bytes) -> Iterator[Item]:
         """What a message of the process tells. Raises OSError for one that is none of it."""
         try:
-            if "log" in message:
-                level, text = message["log"]
-                logger.log(int(level), "%s", text)
-            elif "frame" in message:
+            if was_logged(message, WHAT):
+                return
+            if "frame" in message:
                 yield self._frame(message, mass)
             elif "notice" in message:
                 level, text = message["notice"]
@@ -122,7 +116,7 @@ class _Keeper:
             elif "report" in message:
                 yield self._reported(message["report"])
             else:
-                logger.warning("the process that receives the stream cannot work: %s", message.get("refused"))
+                logger.warning("%s cannot work: %s", WHAT, message.get("refused"))
         except (KeyError, TypeError, ValueError) as error:
             raise OSError("no message of ours") from error
 
@@ -154,14 +148,5 @@ class _Keeper:
         last = self._report or SourceReport(kind="stream", name=stream_name(self._address), state="lost")
         self._report = replace(last, state="lost", since_utc=time.time(), gaps=last.gaps + 1)
         self._counted = {name: getattr(self._report, name) for name in COUNTS}
-        text = f"the process that receives the stream has ended ({ended}); it is started again"
-        yield Notice(source="stream", level="warning", text=text)
+        yield Notice(source="stream", level="warning", text=f"{WHAT} has ended ({ended}); it is started again")
         yield self._report
-
-
-def _started(address: str, settings: StreamSettings) -> ChildProcess | None:
-    try:
-        return ChildProcess("stream", receive, address, settings)
-    except OSError:
-        logger.warning("the process that receives the stream cannot be started", exc_info=True)
-        return None

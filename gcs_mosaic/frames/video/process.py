@@ -1,68 +1,53 @@
 """The process that reads a recorded video: what FFmpeg does with foreign bytes can end it, but not the flight.
 
-What comes from it is JSON, and the bytes of a frame's file after its message. It waits while nobody takes them, so however much
-faster it is than the stitching, only what lies in the pipe is in memory.
+It sends the bytes of a frame's file with the frame's message, and waits while nobody takes them: however much faster it is than
+the stitching, only what lies in the pipe is in memory.
 """
 
 from __future__ import annotations
 
-import json
 import logging
-import signal
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import cv2
 
-from gcs_mosaic.children import outlive_signals
-from gcs_mosaic.frames.decoding.worker import limit_memory
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
+from gcs_mosaic.processes.limits import limit_memory, limit_time
+from gcs_mosaic.processes.pipe import Message, send
 
 MOST_BYTES = 3 << 30  # of address space: pictures of 8K, and the threads of their decoder
 CPU_S = 60.0  # computing time, of all threads, from one picture to the next
 TELL_EACH_S = 0.5
 
-Message = dict[str, Any]
-
 
 def read_video(pipe: Connection, path: str, settings: StreamSettings, max_pixels: int, go_on: object) -> None:
     """Main function of the process. `go_on`: see `extraction.extract`."""
-    outlive_signals()
     limit_memory(MOST_BYTES)
     cv2.setNumThreads(1)
-    _limit_time()
+    limit_time(CPU_S)
     with suppress(OSError):  # the program has ended, or wants no more
         for message, mass in _messages(Path(path), settings, max_pixels, go_on):
-            pipe.send_bytes(json.dumps(message).encode())
-            if mass:
-                pipe.send_bytes(mass)
+            send(pipe, message, mass)
 
 
 def describe_videos(pipe: Connection, paths: list[str], max_pixels: int) -> None:
     """Main function of a process that opens one video after another, and tells what it is."""
-    outlive_signals()
     limit_memory(MOST_BYTES)
     from gcs_mosaic.frames.video.film import Film  # loads PyAV, which is an extra
 
     with suppress(OSError):
         for path in paths:
-            _limit_time()
+            limit_time(CPU_S)
             film = Film.open(Path(path), max_pixels)
             message = {"refused": film} if isinstance(film, str) else {"described": asdict(film.described)}
-            pipe.send_bytes(json.dumps(message).encode())
+            send(pipe, message)
             if not isinstance(film, str):
                 film.close()
-
-
-def _limit_time() -> None:
-    """From now on; the system ends the process, where systems can."""
-    if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_PROF, CPU_S)
 
 
 def _messages(path: Path, settings: StreamSettings, max_pixels: int, go_on: object) -> Iterator[tuple[Message, bytes]]:
@@ -73,7 +58,7 @@ def _messages(path: Path, settings: StreamSettings, max_pixels: int, go_on: obje
     begun = GoOn(*go_on) if isinstance(go_on, tuple) else None
     next_s = 0.0
     for one in extract(path, settings, max_pixels, begun):
-        _limit_time()
+        limit_time(CPU_S)
         match one:
             case str():
                 yield {"refused": one}, b""

@@ -9,15 +9,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from gcs_mosaic.frames.child_process import ChildProcess
 from gcs_mosaic.frames.pending_file import versioned
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.frames.rtsp.stream_process import Message, messages
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.video.described import Described
 from gcs_mosaic.frames.video.names import clock_of, frame_name, video_and_ms
 from gcs_mosaic.frames.video.process import describe_videos, read_video
 from gcs_mosaic.messages import Frame, Notice, Position, RecordedPosition, content_hash
+from gcs_mosaic.processes.child import ChildProcess, ending
+from gcs_mosaic.processes.pipe import Message, messages
 
 logger = logging.getLogger(__name__)
 
@@ -26,6 +26,7 @@ Known: TypeAlias = Mapping[str, str]
 """Content hashes of the frames of one video that are in the flight already, by their names."""
 
 NEEDED = "videos need PyAV, which is not installed: pip install 'gcs-mosaic[video]' brings it"
+WHAT = "the process that reads a video"
 MOST_CRASHES = 2  # of the process without a frame in between
 SHORT_SHARE, SHORT_S = 0.9, 2.0  # a video that ends before is cut off: sound often goes on a little longer
 DESCRIBED_WITHIN_S = 60.0
@@ -77,7 +78,7 @@ class VideoReading:
     def close(self) -> str:
         """End the process; returns how it ended."""
         process, self._process = self._process, None
-        return "" if process is None else process.end()
+        return "" if process is None else ending(process.end())
 
     def _begin(self) -> None:
         # The last one may have been chosen at what was the end of a file that has grown since, among fewer pictures.
@@ -87,7 +88,7 @@ class VideoReading:
             go_on = (found[1], self._known[before[0]])
         self._last_ms = -1
         given = str(self.look.path), self._settings, self._max_pixels, go_on
-        self._process = ChildProcess("video", read_video, *given)
+        self._process = ChildProcess(WHAT, read_video, *given)
 
     def _items_of(self, message: Message, mass: bytes) -> Iterator[Item]:
         """What a message of the process tells. Raises OSError for one that is none of it."""
@@ -235,14 +236,14 @@ def describe(paths: Sequence[Path], max_pixels: int) -> list[Described | str]:
     told: list[Described | str] = []
     while len(told) < len(paths):
         rest = [str(path) for path in paths[len(told) :]]
-        process, before = ChildProcess("video", describe_videos, rest, max_pixels), len(told)
+        process, before = ChildProcess(WHAT, describe_videos, rest, max_pixels), len(told)
         try:
             while len(told) < len(paths) and process.pipe.poll(DESCRIBED_WITHIN_S):
                 message, _ = next(messages(process.pipe, 0.0))
                 told.append(_described(message))
         except (EOFError, OSError, StopIteration):
             logger.info("the process that looks at videos has ended", exc_info=True)
-        how = process.end()
+        how = ending(process.end())
         if len(told) == before:
             told.append(f"it cannot be decoded ({how}): convert it to H.264 in an MP4")
     return told

@@ -116,12 +116,13 @@ async def take_away(request: web.Request) -> web.StreamResponse:
 
 
 async def _kept(app: web.Application) -> AsyncIterator[None]:
-    tasks = [asyncio.create_task(app[KEEPER].keep_for_ever()), asyncio.create_task(_pass_on_for_ever(app))]
+    app[KEEPER].start()
+    task = asyncio.create_task(_pass_on_for_ever(app))
     yield
-    for task in tasks:
-        task.cancel()
-        with suppress(asyncio.CancelledError):
-            await task
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    await asyncio.to_thread(app[KEEPER].stop)
 
 
 async def _pass_on_for_ever(app: web.Application) -> None:

@@ -14,9 +14,10 @@ from gcs_mosaic.frames.rtsp import keeper
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.keeper import stream
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
-from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.rtsp.source import Item
 from gcs_mosaic.messages import Frame, Notice, SourceReport, content_hash
+from gcs_mosaic.processes import keeper as pauses
+from gcs_mosaic.processes.pipe import END
 from tests.factories import trigger_event
 
 URL = "rtsp://127.0.0.1:9/x"
@@ -43,10 +44,10 @@ class Told:
         finally:
             self.theirs.close()
 
-    def end(self) -> str:
+    def end(self) -> int:
         self.pipe.close()
         self._thread.join()
-        return "exit code 0"
+        return 0
 
 
 def items_of(monkeypatch: pytest.MonkeyPatch, *lives: Callable[[Connection], None], ask: bool = False) -> list[Item]:
@@ -55,22 +56,21 @@ def items_of(monkeypatch: pytest.MonkeyPatch, *lives: Callable[[Connection], Non
     if ask:
         requests.put(Ask(3.0, trigger_event(7, 3.0)))
 
-    def started(_address: str, _settings: StreamSettings) -> Told:
+    def started(_: object) -> Told:
         if len(left) == 1:
             threading.Timer(0.5, stop.set).start()
         return Told(left.pop(0) if left else lambda pipe: None)
 
-    monkeypatch.setattr(keeper, "_started", started)
-    monkeypatch.setattr(keeper, "FIRST_PAUSE_S", 0.0)
+    monkeypatch.setattr(keeper._Keeper, "_started", started)
+    monkeypatch.setattr(pauses, "FIRST_PAUSE_S", 0.0)
     return list(stream(URL, stop, requests))
 
 
 def sending(*messages: object, mass: bytes = b"") -> Callable[[Connection], None]:
     def tell(pipe: Connection) -> None:
         for message in messages:
-            pipe.send_bytes(message if isinstance(message, bytes) else json.dumps(message).encode())
-            if mass:
-                pipe.send_bytes(mass)
+            text = message if isinstance(message, bytes) else json.dumps(message).encode()
+            pipe.send_bytes(text + END + mass)
 
     return tell
 
@@ -129,12 +129,12 @@ def test_the_next_process_is_told_where_the_stream_is(monkeypatch: pytest.Monkey
     stop, requests = threading.Event(), Requests()
     requests.put(Offer("rtsp://10.0.0.7/live"))
 
-    def started(_address: str, _settings: StreamSettings) -> Told:
+    def started(_: object) -> Told:
         if len(heard) == 1:
             threading.Timer(0.3, stop.set).start()
         return Told(hear)
 
-    monkeypatch.setattr(keeper, "_started", started)
-    monkeypatch.setattr(keeper, "FIRST_PAUSE_S", 0.0)
+    monkeypatch.setattr(keeper._Keeper, "_started", started)
+    monkeypatch.setattr(pauses, "FIRST_PAUSE_S", 0.0)
     assert [item for item in stream(URL, stop, requests) if isinstance(item, Notice)]
     assert heard[:2] == [Offer("rtsp://10.0.0.7/live")] * 2

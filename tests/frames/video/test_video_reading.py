@@ -96,7 +96,7 @@ def test_a_process_that_is_killed_is_started_again_and_no_frame_comes_twice(film
         if isinstance(item, Frame):
             names.append(item.name)
             if len(names) == 3 and one._process is not None:
-                os.kill(one._process._process.pid or 0, signal.SIGKILL)
+                os.kill(one._process.pid, signal.SIGKILL)
     assert len(names) == len(set(names)) == 6
 
 

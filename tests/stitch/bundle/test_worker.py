@@ -5,16 +5,16 @@ import logging
 import os
 import re
 import signal
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
-from multiprocessing.context import SpawnProcess
-from multiprocessing.process import BaseProcess
 
 import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, Image, photograph
 
+from gcs_mosaic.processes.child import ChildProcess
 from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, island_task
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
@@ -39,15 +39,13 @@ def failed(worker: WorkerProcess) -> WorkerFailed:
     return found
 
 
-def process_of(worker: WorkerProcess) -> BaseProcess:
-    assert worker._process is not None
-    return worker._process
+def process_of(worker: WorkerProcess) -> ChildProcess:
+    assert worker._child is not None
+    return worker._child
 
 
 def signalled(worker: WorkerProcess, sign: signal.Signals) -> None:
-    pid = process_of(worker).pid
-    assert pid is not None
-    os.kill(pid, sign)
+    os.kill(process_of(worker).pid, sign)
 
 
 def unreadable() -> None:
@@ -114,7 +112,7 @@ def test_a_process_that_is_killed_is_told_and_begun_anew(
     worker.begin(task)
     signalled(worker, signal.SIGKILL)
     assert worker.result() == WorkerFailed("the process that adjusts the map has died")
-    assert caplog.messages == ["the process that adjusts the map has died, exit code -9"]
+    assert caplog.messages == ["the process that adjusts the map has died, SIGKILL"]
     worker.begin(task)
     assert isinstance(worker.result(), AdjustedIsland)
 
@@ -137,11 +135,11 @@ def test_a_killed_process_costs_a_map_one_adjustment_and_not_those_after_it(grou
 def test_a_process_that_cannot_be_started_is_an_answer(
     task: IslandTask, worker: WorkerProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(process: BaseProcess) -> None:
+    def full(*given: object, **named: object) -> None:
         raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
 
     with monkeypatch.context() as patched:
-        patched.setattr(SpawnProcess, "start", full)
+        patched.setattr(subprocess, "Popen", full)
         worker.begin(task)
         assert worker.is_ready()
         assert failed(worker).reason == "the process that adjusts the map could not be started (Cannot allocate memory)"
@@ -154,14 +152,14 @@ def test_a_process_that_stands_still_is_given_up(task: IslandTask) -> None:
     worker.begin(task)
     signalled(worker, signal.SIGSTOP)
     assert worker.result() == WorkerFailed("the map was not adjusted within 0.5 s")
-    assert worker._process is None
+    assert worker._child is None
 
 
 def test_closing_ends_the_process_whatever_it_does(task: IslandTask, worker: WorkerProcess) -> None:
     worker.begin(task)
     process = process_of(worker)
     worker.close()
-    assert not process.is_alive()
+    assert process._process.returncode == -signal.SIGKILL
 
 
 def test_an_answer_is_never_taken_for_that_to_another_task(task: IslandTask, worker: WorkerProcess) -> None:

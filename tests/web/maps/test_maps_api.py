@@ -129,6 +129,6 @@ def test_addresses_that_qgroundcontrol_refuses(root: str, is_refused: bool) -> N
 
 def test_codes_are_made_without_loading_what_makes_them_before() -> None:
 
-    code = "import sys, gcs_mosaic.web.page_process; print('segno' in sys.modules)"
+    code = "import sys, gcs_mosaic.web.page_process, gcs_mosaic.web.server; print('segno' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -1,7 +1,7 @@
-"""Signals and the program's child processes: what is sent to all of them at once is for the program, which ends them itself.
+"""What is sent to all processes of the program at once is for the program, which ends its children itself.
 
-A closed terminal (SIGHUP), Ctrl-C (SIGINT) and a service manager (SIGTERM) reach the whole group. The program then finishes the
-flight, and needs its children for that.
+A closed terminal (SIGHUP), Ctrl-C (SIGINT) and a service manager (SIGTERM) reach more than one process. The program then
+finishes the flight, and needs its children for that.
 """
 
 from __future__ import annotations
