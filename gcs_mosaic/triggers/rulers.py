@@ -23,6 +23,9 @@ NUMBERS, CLOCK, ARRIVAL = "the numbers in the file names", "the camera's clock",
 AGREES, _DIFFERS = 2.2, -6.0  # of numbers
 _OUTLIER = 0.001  # share of times that are wrong
 _PEAKS = 10  # zeros of one ruler that are tried
+_COMPARED = 2_500_000  # differences that are looked through for them: all of 1,500 shots and files, a share of more
+_BLOCK = 256  # shots whose differences are held at once
+_WITHIN_S, _WITHIN = 0.7, 0.1  # times and numbers that agree
 _CHANCE_S = 30.0  # times that agree by chance lie anywhere in such a range
 _LEAST, _HALF = 3, 0.6  # pairs that a ruler must explain, and their share
 _ZONE_S, _SET_S = 900.0, 1.0  # time zones differ by quarters of an hour; a clock that is set is this exact
@@ -79,11 +82,27 @@ class Rulers:
 
     def likeliest_by_differences(self) -> Iterator[Places]:
         """First guesses of each shot's file: by what times and numbers differ by most often."""
-        apart = [(self._clock_apart(), 0.7), (self._arrival_apart(), 0.7)]
-        apart += [(numbers[None, :] - counts[:, None], 0.1) for counts, numbers in self._pairs_of_numbers()]
-        for differences, within in apart:
-            for zero in _peaks(differences, within):
-                yield _nearest(np.abs(differences - zero), within)
+        for of_files, of_shots, within in self._scales():
+            every = -(-len(of_shots) * len(of_files) // _COMPARED)
+            for zero in _peaks(of_files[None, :] - of_shots[::every, None], within):
+                yield _nearest(of_files, of_shots + zero, within)
+
+    def expected(self, zeros: Zeros) -> Places:
+        """For each shot the file that the surest of these rulers gives it; -1: none."""
+        if zeros.numbers is not None:
+            counts, numbers = list(self._pairs_of_numbers())[zeros.numbers[0]]
+            return _nearest(numbers, counts + zeros.numbers[1], _WITHIN)
+        for times, zero in ((self._captured, zeros.clock), (self._arrived, zeros.arrival)):
+            if zero is not None:
+                return _nearest(times, self._moments + zero[0], max(_WITHIN_S, zero[1]))
+        return np.full(self.shots, -1)
+
+    def _scales(self) -> Iterator[tuple[Floats, Floats, float]]:
+        """What files and shots are compared by, and within what it agrees."""
+        yield self._captured, self._moments, _WITHIN_S
+        yield self._arrived, self._moments, _WITHIN_S
+        for counts, numbers in self._pairs_of_numbers():
+            yield numbers, counts, _WITHIN
 
     def zeros(self, file_of: Places) -> Zeros:
         """The zeros of all rulers that these pairs agree with."""
@@ -109,18 +128,19 @@ class Rulers:
                 found, agreeing = (place, float(zero)), most
         return found
 
-    def scores(self, zeros: Zeros) -> Floats:
-        """What speaks for each pair (shots x files), by all rulers."""
-        scores = np.zeros((len(self._moments), len(self._captured)))
+    def scores(self, zeros: Zeros, shots: Places, files: Places) -> Floats:
+        """What speaks for each pair of these places, by all rulers."""
+        scores = np.zeros(np.broadcast_shapes(shots.shape, files.shape))
+        arrived = self._arrived[files] - self._moments[shots]
         if zeros.numbers is not None:
             counts, numbers = list(self._pairs_of_numbers())[zeros.numbers[0]]
-            apart = numbers[None, :] - counts[:, None] - zeros.numbers[1]
+            apart = numbers[files] - counts[shots] - zeros.numbers[1]
             scores += np.where(np.isnan(apart), 0.0, np.where(apart == 0, AGREES, _DIFFERS))
         if zeros.clock is not None:
-            scores += _fitting(self._clock_apart(), *zeros.clock)
+            scores += _fitting(self._captured[files] - self._moments[shots], *zeros.clock)
         if zeros.arrival is not None:
-            scores += _fitting(self._arrival_apart(), *zeros.arrival)
-        scores[self._arrival_apart() < _IMPOSSIBLE_S] = _NEVER
+            scores += _fitting(arrived, *zeros.arrival)
+        scores[arrived < _IMPOSSIBLE_S] = _NEVER
         return scores
 
     def prior(self, zeros: Zeros) -> float:
@@ -141,14 +161,6 @@ class Rulers:
         for counts in filter(_varies, self._counts):
             for numbers in filter(_varies, self._numbers):
                 yield counts, numbers
-
-    def _clock_apart(self) -> Floats:
-        apart: Floats = self._captured[None, :] - self._moments[:, None]
-        return apart
-
-    def _arrival_apart(self) -> Floats:
-        apart: Floats = self._arrived[None, :] - self._moments[:, None]
-        return apart
 
 
 def _peaks(apart: Floats, within: float) -> list[float]:
@@ -195,11 +207,15 @@ def _density(off: Floats, sigma: float) -> Floats:
     return density
 
 
-def _nearest(off: Floats, within: float) -> Places:
-    """For each shot the file of the least difference (shots x files) from what is expected; -1 if none is as near as that."""
-    off = np.where(np.isnan(off), np.inf, off)
-    nearest = off.argmin(axis=1)
-    return np.where(off[np.arange(len(off)), nearest] <= within, nearest, -1)
+def _nearest(of_files: Floats, expected: Floats, within: float) -> Places:
+    """For each shot the file that is nearest to what is expected of it; -1 if none is as near as that."""
+    found = [np.zeros(0, np.int64)]
+    for start in range(0, len(expected), _BLOCK):
+        off = np.abs(of_files[None, :] - expected[start : start + _BLOCK, None])
+        off = np.where(np.isnan(off), np.inf, off)
+        nearest = off.argmin(axis=1)
+        found.append(np.where(off[np.arange(len(off)), nearest] <= within, nearest, -1))
+    return np.concatenate(found)
 
 
 def _varies(values: Floats) -> bool:
