@@ -101,7 +101,9 @@ class _Rows:
 
     def guesses(self) -> Iterator[Places]:
         """First guesses of each shot's file: by shifts of the rows, and by what times and numbers differ by most often."""
-        if not self._is_long:  # over a long row losses shift more than a guess by order could stand
+        if self._is_long:  # in which losses shift more than one guess for all of it could stand
+            yield from self._rulers.likeliest_by_ends()
+        else:
             for shift in _shifts(self._shots, self._files):
                 yield _shifted(shift, self._shots, self._files)
         yield from self._rulers.likeliest_by_differences()

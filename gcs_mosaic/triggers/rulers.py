@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from gcs_mosaic.triggers.names import Field
-from gcs_mosaic.triggers.needleman_wunsch import Floats, Places
+from gcs_mosaic.triggers.needleman_wunsch import LOST, Floats, Places
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -24,13 +24,15 @@ AGREES, _DIFFERS = 2.2, -6.0  # of numbers
 _OUTLIER = 0.001  # share of times that are wrong
 _PEAKS = 10  # zeros of one ruler that are tried
 _COMPARED = 2_500_000  # differences that are looked through for them: all of 1,500 shots and files, a share of more
-_BLOCK = 256  # shots whose differences are held at once
+_AT_ENDS = 4  # shots and files at either end by which they are shifted
 _WITHIN_S, _WITHIN = 0.7, 0.1  # times and numbers that agree
 _CHANCE_S = 30.0  # times that agree by chance lie anywhere in such a range
 _LEAST, _HALF = 3, 0.6  # pairs that a ruler must explain, and their share
 _ZONE_S, _SET_S = 900.0, 1.0  # time zones differ by quarters of an hour; a clock that is set is this exact
 _IS_SET = 0.5  # share of clocks that are set
 _SAME_COUNT = 0.5  # in favour of a number that is the counter's own
+_MEETING = AGREES - 2 * LOST  # what an alignment gains where a number that is lacking meets one that is
+_SPARSE = 10  # times as many numbers as there are shots and files: they have begun anew
 _EARLIEST_S, _LATEST_S = -1.5, 15.0  # a file's arrival after its shot
 _IMPOSSIBLE_S, _NEVER = -10.0, -100.0  # a file that came so long before its shot is another one's
 
@@ -83,8 +85,23 @@ class Rulers:
     def likeliest_by_differences(self) -> Iterator[Places]:
         """First guesses of each shot's file: by what times and numbers differ by most often."""
         for of_files, of_shots, within in self._scales():
-            every = -(-len(of_shots) * len(of_files) // _COMPARED)
-            for zero in _peaks(of_files[None, :] - of_shots[::every, None], within):
+            some = _spread(len(of_shots), _COMPARED // max(len(of_files), 1))
+            for zero in _peaks(of_files[None, :] - of_shots[some, None], within):
+                yield _nearest(of_files, of_shots + zero, within)
+
+    def likeliest_by_ends(self) -> Iterator[Places]:
+        """The same by what those at either end differ by: in long rows chance alone makes others come as often."""
+        for of_files, of_shots, within in self._scales():
+            files, shots = of_files[~np.isnan(of_files)], of_shots[~np.isnan(of_shots)]
+            if of_files is self._arrived or not len(files) or not len(shots):
+                continue  # of many that came together the ends tell nothing
+            ends = [
+                *(files[:1] - shots[:_AT_ENDS]),
+                *(files[:_AT_ENDS] - shots[:1]),
+                *(files[-1:] - shots[-_AT_ENDS:]),
+                *(files[-_AT_ENDS:] - shots[-1:]),
+            ]
+            for zero in sorted({*ends}):
                 yield _nearest(of_files, of_shots + zero, within)
 
     def expected(self, zeros: Zeros) -> Places:
@@ -144,8 +161,12 @@ class Rulers:
         return scores
 
     def prior(self, zeros: Zeros) -> float:
-        """How likely such zeros are: delays are short, and a clock that is set is exact but for the time zone."""
+        """How likely such zeros are: delays are short, and a clock that is set is exact but for the time zone. What lacks in
+        both rows by chance is taken off, for the alignment has not paid for it."""
         prior = _SAME_COUNT if zeros.numbers is not None and zeros.numbers[1] == 0 else 0.0
+        if zeros.numbers is not None:
+            counts, numbers = list(self._pairs_of_numbers())[zeros.numbers[0]]
+            prior -= _MEETING * _met_by_chance(counts + zeros.numbers[1], numbers)
         if zeros.clock is not None and self._utc_of_zero is not None:
             off = (zeros.clock[0] - self._utc_of_zero + _ZONE_S / 2) % _ZONE_S - _ZONE_S / 2
             density = _IS_SET * np.exp(-0.5 * (off / _SET_S) ** 2) / (_SET_S * np.sqrt(2 * np.pi))
@@ -161,6 +182,13 @@ class Rulers:
         for counts in filter(_varies, self._counts):
             for numbers in filter(_varies, self._numbers):
                 yield counts, numbers
+
+
+def _spread(count: int, most: int) -> Places:
+    """So many of them at most, at uneven distances: even ones would agree with what comes at such distances."""
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
 def _peaks(apart: Floats, within: float) -> list[float]:
@@ -208,14 +236,33 @@ def _density(off: Floats, sigma: float) -> Floats:
 
 
 def _nearest(of_files: Floats, expected: Floats, within: float) -> Places:
-    """For each shot the file that is nearest to what is expected of it; -1 if none is as near as that."""
-    found = [np.zeros(0, np.int64)]
-    for start in range(0, len(expected), _BLOCK):
-        off = np.abs(of_files[None, :] - expected[start : start + _BLOCK, None])
-        off = np.where(np.isnan(off), np.inf, off)
-        nearest = off.argmin(axis=1)
-        found.append(np.where(off[np.arange(len(off)), nearest] <= within, nearest, -1))
-    return np.concatenate(found)
+    """For each shot the file that is nearest to what is expected of it, of equal ones the first; -1 if none is so near."""
+    order = np.argsort(of_files, kind="stable")
+    order = order[: int((~np.isnan(of_files)).sum())]  # what is not known comes last
+    if not len(order):
+        return np.full(len(expected), -1)
+    known = of_files[order]
+    after = np.searchsorted(known, expected)
+    before = np.searchsorted(known, known[np.maximum(after - 1, 0)])
+    after = np.minimum(after, len(known) - 1)
+    nearest = np.where(np.abs(known[before] - expected) <= np.abs(known[after] - expected), before, after)
+    return np.where(np.abs(known[nearest] - expected) <= within, order[nearest], -1)
+
+
+def _met_by_chance(counts: Floats, numbers: Floats) -> float:
+    """How many numbers lack in both rows, as far as chance explains it: where messages and files are lost independently, losses
+    of the one meet losses of the other by every shift of the rows, and by some shift more than by the right one."""
+    ours, theirs = (np.unique(one[~np.isnan(one)]) for one in (counts, numbers))
+    first, last = max(ours[0], theirs[0]), min(ours[-1], theirs[-1])
+    among = last - first + 1
+    if not 1 <= among <= _SPARSE * (len(ours) + len(theirs)) or any(
+        np.median(np.diff(one)) != 1 for one in (ours, theirs)
+    ):
+        return 0.0
+    ours, theirs = (one[(one >= first) & (one <= last)] for one in (ours, theirs))
+    met = among - len(np.union1d(ours, theirs))
+    usual = (among - len(ours)) * (among - len(theirs)) / among
+    return float(min(met, usual + 3 * np.sqrt(usual) + 2))
 
 
 def _varies(values: Floats) -> bool:
