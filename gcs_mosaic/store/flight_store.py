@@ -139,8 +139,8 @@ class FlightStore(Kept):
         """State missing from the ledger, see `resume`: it has no arrival order for frames that first arrived damaged."""
         return {"_orders": self._orders, "_extents": self._extents}
 
-    def resume(self, processed: Collection[str], on_map: Collection[str]) -> list[Frame]:
-        """Resume the folder's flight, in which `processed` frames were processed and `on_map` have a place. Call after `load`.
+    def resume(self, processed: Collection[str], placed: Collection[str], covered: Collection[str] = ()) -> list[Frame]:
+        """Resume the folder's flight, in which `processed` frames were processed, and these have a place. Call after `load`.
 
         Returns the frames still to be processed, as kept, in order of arrival.
         """
@@ -156,7 +156,7 @@ class FlightStore(Kept):
         self._vehicles = {frame.name: frame.vehicle for frame in known if frame.vehicle is not None}
         self._islands_known = len(self.ledger.islands())
         again = [frame for frame in kept if frame.name not in processed]
-        self._retry(lambda: self.ledger.process_again([frame.name for frame in again], on_map))
+        self._retry(lambda: self.ledger.process_again([frame.name for frame in again], placed, covered))
         self.changes.sizes = {
             f.name: (f.width, f.height) for f in known if f.width is not None and f.height is not None
         }
