@@ -35,7 +35,7 @@ from gcs_mosaic.app.pairing import contradiction_text
 from gcs_mosaic.app.pipeline import Done, Pipeline
 from gcs_mosaic.app.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_again
-from gcs_mosaic.app.rewritten import SeenPictures, as_whole_of_damaged, taken_as_rewritten
+from gcs_mosaic.app.rewritten import PREVIEW, SeenPictures, as_whole_of_damaged, taken_as_rewritten
 from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.app.status import Reporter
@@ -298,13 +298,15 @@ class _Daemon:
         return self._links.since_utc <= found.modified <= time.time() + 1.0
 
     def _set_preview_aside(self, whole: Frame) -> None:
-        """Of a file whose whole picture has come: the preview is not stitched, if it was not yet."""
+        """Of a file whose whole picture has come: the preview is not stitched, or stays until the whole picture has a place."""
         if not whole.is_whole_of_earlier or whole.earlier is None:
             return
-        self._pipeline.store.note_beside(whole.earlier, "preview")
+        self._pipeline.store.note_beside(whole.earlier, PREVIEW)
         if self._preparation.withdraw(whole.earlier):
             self._came.pop(whole.earlier, None)
             self._pipeline.skip(whole.earlier, f"a smaller preview of {whole.name}")
+        else:
+            self._pipeline.note_whole(whole.earlier, whole.name)
 
     def _set_aside_as_again(self, frame: Frame) -> None:
         """Its file held the same pixels before, in another encoding."""

@@ -57,6 +57,11 @@ class Painting(Kept):
                 self._paint_other(placement)
         self._painter.follow(moved)
 
+    def take_away(self, name: str) -> None:
+        """Another frame shows all that this one does: it is painted no more."""
+        self._unpainted.forget(name)
+        self._painter.take_away(name)
+
     def repaint_some(self) -> bool:
         """Repaint a little where it is most needed; False if there is nothing to do."""
         steps = self._painter.next_steps()

@@ -14,6 +14,7 @@ from gcs_mosaic.app.method import method_of
 from gcs_mosaic.app.painting import Painting
 from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame, finer_reduction
 from gcs_mosaic.app.resuming import Run, runs_of, settings_of, shelf_of, source_of, utc_of_zero
+from gcs_mosaic.app.rewritten import previews_of
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.frames.decoding.decoders import Decoders
@@ -150,10 +151,11 @@ class Pipeline(Kept):
         self._of_flight["runs"] = [*runs_of(saved), Run(*counts, utc_of_zero())]
         if saved is None or not self._loaded(saved["pipeline"]):
             self.store.ledger.set_canvas(self.store.canvas)
+        for preview, whole in previews_of(self.store.ledger):
+            self.mosaic.note_whole(preview, whole)
         shown = [painted for island in self.store.ledger.islands() for painted in self.store.ledger.painted(island.id)]
-        on_map = [placement.name for placement in self.mosaic.placements()]
-        on_map += [covered.name for covered in self.mosaic.covered()]
-        again = self.store.resume(self._processed.keys(), on_map)
+        placed = [placement.name for placement in self.mosaic.placements()]
+        again = self.store.resume(self._processed.keys(), placed, [covered.name for covered in self.mosaic.covered()])
         self.store.remove_tiles_but(self._painter.resume(shown))
         waiting = [waiting.name for waiting in self.mosaic.waiting()]
         self.store.tell_whole(self.mosaic.placements(), self._painter.painted(), self.mosaic.covered(), waiting)
@@ -219,6 +221,11 @@ class Pipeline(Kept):
         """Do not process a frame that was accepted: another one shows the same. Call `save` afterwards."""
         self._processed[name] = None
         self.store.settle(name, FrameState.DUPLICATE, reason)
+
+    def note_whole(self, preview: str, whole: str) -> None:
+        """The frame `whole` is the whole picture of a smaller preview that was accepted before: where both are placed, only that
+        one is painted."""
+        self.mosaic.note_whole(preview, whole)
 
     def _process(self, prepared: DecodedFrame | UndecodableFrame) -> Done:
         name = prepared.frame.name
@@ -326,6 +333,7 @@ class Pipeline(Kept):
 
     def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
         """Paint newly placed frames and return their names; note those that must be repainted elsewhere."""
+        self._leave_out_previews()
         moved = self.mosaic.moved()
         self.store.note_placed(moved)
         found = tuple(placement.name for placement in moved if not self._painter.is_painted(placement.name))
@@ -333,6 +341,13 @@ class Pipeline(Kept):
             self.store.settle(name, FrameState.PLACED, None)
         self._painting.follow(moved, prepared)
         return found
+
+    def _leave_out_previews(self) -> None:
+        """Of shots whose whole picture has a place by now."""
+        for covered, size in self.mosaic.replaced():
+            self._painting.take_away(covered.name)
+            self.store.settle(covered.name, FrameState.COVERED, None)
+            self.store.note_replaced(covered, size)
 
     def _adjusted(self, adjust: Callable[[], T]) -> T | None:
         """A failure here must not reject the frame just placed: the map is valid without the adjustment."""

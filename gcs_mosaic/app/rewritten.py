@@ -8,9 +8,13 @@ from hashlib import blake2b
 import numpy as np
 
 from gcs_mosaic.app.prefetch import DecodedFrame
+from gcs_mosaic.frames.pending_file import file_and_version, versioned
 from gcs_mosaic.frames.picture_hash import picture_hash
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.store.flight_store import FlightStore
+from gcs_mosaic.store.ledger import Ledger
+
+PREVIEW = "preview"  # what it is to its shot, in the ledger
 
 
 def taken_as_rewritten(store: FlightStore, frame: Frame) -> bool:
@@ -43,6 +47,12 @@ class SeenPictures:
         digest = blake2b(repr(image.shape).encode() + thumbnail.tobytes(), digest_size=16).digest()
         self._digests[frame.name] = digest
         return frame.earlier is not None and self._digests.get(frame.earlier) == digest
+
+
+def previews_of(ledger: Ledger) -> list[tuple[str, str]]:
+    """Each preview of a flight and the frame of its whole picture, which is what the same file held next."""
+    names = [name for name, what in ledger.other_files() if what == PREVIEW]
+    return [(name, versioned(file, version + 1)) for name in names for file, version in [file_and_version(name)]]
 
 
 def as_whole_of_damaged(store: FlightStore, frame: Frame) -> Frame:

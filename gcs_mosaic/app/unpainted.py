@@ -29,6 +29,10 @@ class Unpainted(Kept):
         """The frame has been painted."""
         del self._placements[name]
 
+    def forget(self, name: str) -> None:
+        """The frame is not to be painted any more, if it waits for that."""
+        self._placements.pop(name, None)
+
     def give_up(self, name: str) -> None:
         """Never try this frame again."""
         self._failures[name] = MOST_TRIES

@@ -220,6 +220,13 @@ class PaperMosaic(Kept):
         """No frame is left out for another."""
         return []
 
+    def note_whole(self, preview: str, whole: str) -> None:
+        """No frame is left out for another."""
+
+    def replaced(self) -> list[tuple[Covered, tuple[int, int]]]:
+        """No frame is left out for another."""
+        return []
+
     def waiting(self) -> list[Waiting]:
         """No frame waits."""
         return []

@@ -74,6 +74,9 @@ class PaperPainter(Kept):
     def follow(self, placements: Iterable[Placement]) -> None:
         """No frames move."""
 
+    def take_away(self, name: str) -> None:
+        """What is blended in stays."""
+
     def next_steps(self) -> list[Step]:
         """Nothing is ever repainted."""
         return []

@@ -66,6 +66,11 @@ class Brightness(Kept):
         shares = [(means.flattened(curves, other.vignetting), other.gain) for means, other in found]
         return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
 
+    def forget(self, name: str) -> None:
+        """A frame that is painted no more: what it shares with others is of no concern at the end."""
+        self._overlaps = [one for one in self._overlaps if name not in one[:2]]
+        self.counts = [one for one in self.counts if name not in one[:2]]
+
     def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
         """Recompute overlaps of these frames, whose dead borders or displays have changed.
 

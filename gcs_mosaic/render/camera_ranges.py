@@ -58,6 +58,11 @@ class CameraRanges(Kept):
             return painted.display
         return _own(self._displays[self._cameras[painted.name]], self._steps[painted.name])
 
+    def forget(self, name: str) -> None:
+        """A frame that is painted no more."""
+        for known in (self._sketches, self._steps, self._cameras):
+            known.pop(name, None)
+
     def frames_of(self, camera: Camera) -> list[str]:
         """The camera's frames of counts so far."""
         return [name for name, other in self._cameras.items() if other == camera]

@@ -22,6 +22,10 @@ class PaintingLevels(Kept):
     def __init__(self) -> None:
         self._seen: dict[str, tuple[int, float]] = {}  # island and distance, by frame name
 
+    def forget(self, name: str) -> None:
+        """A frame that is painted no more."""
+        self._seen.pop(name, None)
+
     def settled(self, painted: Painted) -> Painted:
         """The frame with its painting level, 0 if it sees no ground; a reference for others from now on."""
         gsd = resolved(painted.pose, painted.camera)

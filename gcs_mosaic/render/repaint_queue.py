@@ -181,6 +181,15 @@ class Painter(Kept):
         """Take note of new placements of painted frames; `repaint_some` handles them."""
         self._unchecked |= {placement.name: placement for placement in placements if placement.name in self._painted}
 
+    def take_away(self, name: str) -> None:
+        """Paint a frame no more; its tiles become stale."""
+        waiting: list[dict[str, Any]] = [self._painted, self._changed, self._rimmed, self._unchecked, self._stale]
+        for queue in waiting:
+            queue.pop(name, None)
+        for part in (self._ranges, self._levels, self._brightness):
+            part.forget(name)
+        self.canvas.remove([name])
+
     # Repainting
 
     def repaint_some(self) -> set[TileKey] | None:

@@ -35,6 +35,7 @@ from gcs_mosaic.stitch.mapping.covering import Covering, CoverSettings
 from gcs_mosaic.stitch.mapping.incremental_mapper import Assembly
 from gcs_mosaic.stitch.mapping.islands import Bridges, Island, IslandSettings
 from gcs_mosaic.stitch.mapping.linking import link_across, link_pairs
+from gcs_mosaic.stitch.mapping.previews import covered_by_whole, size_of_covered, with_previews
 from gcs_mosaic.stitch.mapping.resection import Placing, PlausibilitySettings
 from gcs_mosaic.stitch.mapping.second_look import Finer, SecondLookSettings
 from gcs_mosaic.stitch.registration.settings import RegistrationSettings
@@ -98,6 +99,8 @@ class Mosaic(Kept):
         )
         self._covering = Covering(self._graph, self._search, self.settings.cover)
         self._covered: list[Covered] = []
+        self._previews: dict[str, str] = {}  # and the frames of their whole pictures
+        self._replaced: set[str] = set()  # previews of the graph that are covered by these, as no other frame of it is
         self._still = StillPattern()
         # By camera, the frames of the graph from before it was known what an overlay covers; the latest of them.
         self._uncovered: dict[int, tuple[int, ...]] = {}
@@ -121,13 +124,29 @@ class Mosaic(Kept):
             if len(features) < self.settings.plausibility.least_features:
                 why = NOTHING if features.shows_nothing else ""
                 return Rejection(name, f"too little to see: {len(features)} features{why}")
-            compared = self._covering.look(name, features)
+            compared = self._covering.look(name, features, self._previews)
             if isinstance(compared, Covered):
                 self._covered.append(compared)
                 return compared
             frame = self._graph.append(name, features)
             self._cover_earlier(frame, features.still)
             return placement_of(self._graph, frame) if self._assembly.take_in(frame, compared) else Waiting(name)
+
+    def note_whole(self, preview: str, whole: str) -> None:
+        """Two frames are one shot: of `preview` a whole picture follows, or has come. Once that is placed, see `replaced`."""
+        self._previews[preview] = whole
+
+    def replaced(self) -> list[tuple[Covered, tuple[int, int]]]:
+        """Previews that are covered from now on, since their whole pictures have a place, and what they covered; with their sizes
+        in pixels. Links keep them where they are, so nothing else moves."""
+        with transaction(self):
+            pairs = [pair for pair in self._previews.items() if pair[0] not in self._replaced]
+            new = [one for pair in pairs if (one := covered_by_whole(self._graph, *pair, self._covered))]
+            if not new:
+                return []
+            self._replaced |= {one.name for one in new}
+            self._covered, changed = with_previews(self._covered, new)
+            return [(one, size_of_covered(self._graph, one, new)) for one in changed]
 
     def _cover_earlier(self, frame: int, still: StillMask | None) -> None:
         """Tell a camera's earlier frames what an overlay covers, once that is known."""
@@ -148,6 +167,9 @@ class Mosaic(Kept):
             self._covered += [
                 replace(one, name=renamed.name_of(one.name), by=renamed.name_of(one.by)) for one in other._covered
             ]
+            names = other._previews.items()
+            self._previews |= {renamed.name_of(preview): renamed.name_of(whole) for preview, whole in names}
+            self._replaced |= {renamed.name_of(name) for name in other._replaced}
 
     def fold(self) -> None:
         """At the end, before it is saved to be taken over: keep no places of features, and of links only what adjustments and
@@ -231,7 +253,7 @@ class Mosaic(Kept):
 
         Besides the frame just placed: frames that waited for it, islands it merged, and whatever an adjustment moved.
         """
-        moved = [placement_of(self._graph, frame) for frame in sorted(self._graph.moved)]
+        moved = [placement_of(self._graph, frame) for frame in self._own(sorted(self._graph.moved))]
         self._graph.moved.clear()
         return moved
 
@@ -241,7 +263,11 @@ class Mosaic(Kept):
 
     def placements(self) -> list[Placement]:
         """All placed frames, in order of arrival."""
-        return [placement_of(self._graph, frame) for frame in self._graph.placed().tolist()]
+        return [placement_of(self._graph, frame) for frame in self._own(self._graph.placed().tolist())]
+
+    def _own(self, frames: Iterable[int]) -> list[int]:
+        """Those that are shots of their own."""
+        return [frame for frame in frames if self._graph.frames[frame].name not in self._replaced]
 
     def covered(self) -> list[Covered]:
         """All covered frames, in order of arrival."""
@@ -249,7 +275,10 @@ class Mosaic(Kept):
 
     def frame_counts(self) -> dict[int, int]:
         """Number of placed frames by island."""
-        return self._graph.frame_counts()
+        counts, numbers = self._graph.frame_counts(), self._graph.numbers
+        for name in self._replaced:
+            counts[self._graph.island_of(numbers[name])] -= 1
+        return counts
 
     def held_out(self) -> dict[int, HeldOut]:
         """Held-out match error of each island with its present poses; small islands are omitted."""

@@ -147,8 +147,8 @@ class FlightStore(Kept):
         """State missing from the ledger, see `resume`: it has no arrival order for frames that first arrived damaged."""
         return {"_orders": self._orders, "_extents": self._extents}
 
-    def resume(self, processed: Collection[str], on_map: Collection[str]) -> list[Frame]:
-        """Resume the folder's flight, in which `processed` frames were processed and `on_map` have a place. Call after `load`.
+    def resume(self, processed: Collection[str], placed: Collection[str], covered: Collection[str] = ()) -> list[Frame]:
+        """Resume the folder's flight, in which `processed` frames were processed, and these have a place. Call after `load`.
 
         Returns the frames still to be processed, as kept, in order of arrival.
         """
@@ -164,7 +164,7 @@ class FlightStore(Kept):
         self._vehicles = {frame.name: frame.vehicle for frame in known if frame.vehicle is not None}
         self._islands_known = len(self.ledger.islands())
         again = [frame for frame in kept if frame.name not in processed]
-        self._retry(lambda: self.ledger.process_again([frame.name for frame in again], on_map))
+        self._retry(lambda: self.ledger.process_again([frame.name for frame in again], placed, covered))
         for frame in known:
             if frame.width is not None and frame.height is not None:
                 self._changes.sizes[frame.name] = (frame.width, frame.height)
@@ -448,6 +448,13 @@ class FlightStore(Kept):
         """Note that a placed frame covers a new one; pages are told although no tile changes."""
         self._changes.covered[covered.name] = covered
         self._changes.tiles.append(frozenset())
+
+    def note_replaced(self, covered: Covered, size: tuple[int, int]) -> None:
+        """Note that a frame of this width and height, placed before, is covered from now on."""
+        self._changes.sizes[covered.name] = size
+        self._changes.placements.pop(covered.name, None)
+        self._changes.painted.pop(covered.name, None)
+        self.note_covered(covered)
 
     def note_painted(self, painted: Painted) -> None:
         """Note how a frame is painted now."""

@@ -193,25 +193,26 @@ class Ledger(LedgerFile):
     def record_size(self, name: str, width: int, height: int, sharpness: float | None = None) -> None:
         """Record the frame's size in pixels and its sharpness, known once decoded."""
         told = (width, height, sharpness, stored(name))
-        self.update("UPDATE frames SET width = ?, height = ?, sharpness = ? WHERE name = ?", *told)
+        self.update("UPDATE frames SET width = ?, height = ?, sharpness = coalesce(?, sharpness) WHERE name = ?", *told)
 
     def settle_frame(self, name: str, state: FrameState, reason: str | None = None) -> None:
         """Set a frame's outcome; `reason` is required for rejected, duplicate, damaged, dropped and unstitched."""
         reason = None if reason is None else printable(reason)
         self.update("UPDATE frames SET state = ?, reason = ? WHERE name = ?", state, reason, stored(name))
 
-    def process_again(self, names: Iterable[str], on_map: Iterable[str]) -> None:
-        """Reset these frames to pending. Places of all frames but those `on_map` are removed, and so is the record of merged
-        islands."""
+    def process_again(self, names: Iterable[str], placed: Iterable[str], covered: Iterable[str] = ()) -> None:
+        """Reset these frames to pending. Places of all frames but those that are `placed` or `covered` are removed, and so is the
+        record of merged islands."""
         with self.transaction():
             for name in names:
                 self.settle_frame(name, FrameState.PENDING)
-            self.write("CREATE TEMP TABLE on_map (frame INTEGER PRIMARY KEY)")
-            for name in on_map:
-                self.write("INSERT INTO on_map VALUES (?)", self._frame_id(name))
-            for table in ("estimates", "painted", "covered"):
-                self.write(f"DELETE FROM {table} WHERE frame NOT IN (SELECT frame FROM on_map)")
-            self.write("DROP TABLE on_map")
+            for kept, tables in ((placed, ("estimates", "painted")), (covered, ("covered",))):
+                self.write("CREATE TEMP TABLE on_map (frame INTEGER PRIMARY KEY)")
+                for name in kept:
+                    self.write("INSERT INTO on_map VALUES (?)", self._frame_id(name))
+                for table in tables:
+                    self.write(f"DELETE FROM {table} WHERE frame NOT IN (SELECT frame FROM on_map)")
+                self.write("DROP TABLE on_map")
             self.write("UPDATE islands SET merged_into = NULL")
 
     def frames(self, state: FrameState | None = None) -> list[FrameRecord]:
@@ -256,7 +257,9 @@ class Ledger(LedgerFile):
         return [(row["island"], row["corner_deviation_px"] * math.exp(row["log_gsd"])) for row in self.rows(known)]
 
     def record_covered(self, name: str, by: str, by_from_frame: Homography) -> None:
-        """Record that the frame is covered by its keyframe `by`; replaces any earlier record."""
+        """Record that the frame is covered by its keyframe `by`; replaces any earlier record, also of a place of its own."""
+        for table in ("estimates", "painted"):
+            self.write(f"DELETE FROM {table} WHERE frame = ?", self._frame_id(name))
         values = (self._frame_id(name), self._frame_id(by), homography_row(by_from_frame))
         self.write("INSERT OR REPLACE INTO covered (frame, keyframe, keyframe_from_frame) VALUES (?, ?, ?)", *values)
 

@@ -13,10 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_mosaic.triggers.needleman_wunsch import LOST, LOST_AT_END, Places, needleman_wunsch
+from gcs_mosaic.triggers.needleman_wunsch import LOST, LOST_AT_END, Band, Places, needleman_wunsch, whole
 from gcs_mosaic.triggers.rulers import AGREES, ARRIVAL, CLOCK, FileClue, Rulers, ShotClue, Zeros
 
-MOST = 800  # shots and files of a stretch: the matrices are quadratic
+MOST = 800  # shots and files of which every pair is looked at; of longer rows a band
+LONGEST = 5000  # shots and files that are aligned together
+_BAND = 257  # files that are looked at for each shot of a long row
+_GROUP = 51  # pairs whose middle is a place on the band's line: strangers among them do not bend it
 SURE = 5.0  # an explanation less likely by a factor of e^5 is none
 _SURE_BY_ORDER = 8.0  # ... of e^8, where no time tells how far the rows are shifted and some of them are lost
 _SHIFTS = 6  # tried either way, beyond those that the lengths of the rows differ by
@@ -53,7 +56,7 @@ def align(
     utc_of_zero: float | None = None,
     pairs_so_far: Sequence[tuple[int, int]] | None = None,
 ) -> Alignment:
-    """Align two rows, each in the order of capture; at most `MOST` of each. `utc_of_zero`: UTC at the zero of the moments.
+    """Align two rows, each in the order of capture; at most `LONGEST` of each. `utc_of_zero`: UTC at the zero of the moments.
 
     `pairs_so_far`: what it is compared with.
     """
@@ -98,15 +101,36 @@ class _Rows:
 
     def guesses(self) -> Iterator[Places]:
         """First guesses of each shot's file: by shifts of the rows, and by what times and numbers differ by most often."""
-        for shift in _shifts(self._shots, self._files):
-            yield _shifted(shift, self._shots, self._files)
+        if self._is_long:  # in which losses shift more than one guess for all of it could stand
+            yield from self._rulers.likeliest_by_ends()
+        else:
+            for shift in _shifts(self._shots, self._files):
+                yield _shifted(shift, self._shots, self._files)
         yield from self._rulers.likeliest_by_differences()
+
+    @property
+    def _is_long(self) -> bool:
+        return max(self._shots, self._files) > MOST
+
+    def _band(self, zeros: Zeros) -> Band:
+        """The pairs that are looked at: all, or in long rows those about the line on which such zeros put them."""
+        if not self._is_long or self._files <= _BAND:
+            return whole(self._shots, self._files)
+        expected = self._rulers.expected(zeros)
+        shots = np.flatnonzero(expected >= 0)
+        groups = [shots[k : k + _GROUP] for k in range(0, len(shots), _GROUP)]
+        at = [float(np.median(group)) for group in groups] or [0.0, self._shots - 1.0]
+        line = [float(np.median(expected[group])) for group in groups] or [0.0, self._files - 1.0]
+        middle = np.interp(np.arange(self._shots), at, np.maximum.accumulate(line))
+        first = np.clip(np.rint(middle) - _BAND // 2, 0, self._files - _BAND).astype(np.int64)
+        return Band(first, _BAND, self._files)
 
     def explain(self, file_of: Places) -> _Explained:
         """Align by the zeros that a first guess of the pairs gives."""
         zeros = self._rulers.zeros(file_of)
         if zeros not in self._explained:
-            total, aligned = needleman_wunsch(self._rulers.scores(zeros))
+            band = self._band(zeros)
+            total, aligned = needleman_wunsch(self._rulers.scores(zeros, *band.places), band)
             self._explained[zeros] = _Explained(total + self._rulers.prior(zeros), aligned, zeros.told_by)
         return self._explained[zeros]
 
@@ -121,20 +145,21 @@ class _Rows:
 
     def likely(self, best: _Explained) -> frozenset[int]:
         """The shots whose pairs are no worse than chance: between two losses strangers may have been left beside each other."""
-        scores, shots = self._rulers.scores(self._rulers.zeros(best.file_of)), np.flatnonzero(best.file_of >= 0)
-        return frozenset(shots[scores[shots, best.file_of[shots]] > _STRANGERS].tolist())
+        shots = np.flatnonzero(best.file_of >= 0)
+        scores = self._rulers.scores(self._rulers.zeros(best.file_of), shots, best.file_of[shots])
+        return frozenset(shots[scores > _STRANGERS].tolist())
 
     def score_of(self, file_of: Places) -> float:
         """How likely these pairs are, in whatever order; what is lost at an end costs as in the middle of a row, or less."""
         zeros = self._rulers.zeros(file_of)
-        scores, prior = self._rulers.scores(zeros), self._rulers.prior(zeros)
         shots = np.flatnonzero(file_of >= 0)
         files = file_of[shots]
+        scores, prior = self._rulers.scores(zeros, shots, files), self._rulers.prior(zeros)
         lost = self._shots + self._files - 2 * len(shots)
         at_ends = 0
         if len(shots):
             at_ends = int(shots[0] + self._shots - 1 - shots[-1] + files.min() + self._files - 1 - files.max())
-        return float(scores[shots, files].sum() + prior + LOST * (lost - at_ends) + LOST_AT_END * at_ends)
+        return float(scores.sum() + prior + LOST * (lost - at_ends) + LOST_AT_END * at_ends)
 
     def better_by(self, best: _Explained, known: Places) -> float:
         """By how much the best is likelier than the known pairs, and than these where a few of them are mended by the rest."""
@@ -147,10 +172,11 @@ class _Rows:
     def next_best(self, best: _Explained) -> _Explained:
         """The same zeros, but with as few of these pairs as that is worth it."""
         zeros = self._rulers.zeros(best.file_of)
-        shots = np.flatnonzero(best.file_of >= 0)
-        apart = self._rulers.scores(zeros)
-        apart[shots, best.file_of[shots]] -= _KEPT_APART
-        total, aligned = needleman_wunsch(apart)
+        band = self._band(zeros)
+        places = band.places
+        apart = self._rulers.scores(zeros, *places)
+        apart[places[1] == best.file_of[:, None]] -= _KEPT_APART
+        total, aligned = needleman_wunsch(apart, band)
         kept = int(((aligned == best.file_of) & (aligned >= 0)).sum())
         return _Explained(total + _KEPT_APART * kept + self._rulers.prior(zeros), aligned, zeros.told_by)
 

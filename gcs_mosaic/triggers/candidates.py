@@ -159,11 +159,12 @@ class FrameSearch:
         return nearest if clear else None
 
     def _is_near(self, event: PendingEvent, frame: PendingFrame) -> bool:
-        after, usual = lag(event, frame), self.delay.value
-        in_time = -self._settings.early_s <= after <= self._settings.window_s
+        after = lag(event, frame)
+        if not -self._settings.early_s <= after <= self._settings.window_s:
+            return False  # nearly all, of which nothing else need be looked at
+        usual = self.delay.value
         as_usual = usual is None or abs(after - usual) <= self.delay.tolerance_s
-        free = in_time and as_usual and self._may_belong(event, frame)
-        return free and not self.learnt.contradicts(event, frame)
+        return as_usual and self._may_belong(event, frame) and not self.learnt.contradicts(event, frame)
 
     def _may_belong(self, event: PendingEvent, frame: PendingFrame) -> bool:
         """Both are free, and the event does not name another file in a flight where names are reliable."""

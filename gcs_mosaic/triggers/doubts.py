@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Doubts:
-    """`pairs` of `of` may as well be others; `shifts`: by how many shots later each picture may belong, if that is it."""
+    """`pairs` of `of` may as well be others; `shifts`: by how many shots later each picture may belong, if that is it.
+
+    `is_part`: so many there were that the first ones are not held any more, and what is left tells too little."""
 
     shifts: tuple[int, ...] = ()
     pairs: int = 0
     of: int = 0
+    is_part: bool = False
 
     def __bool__(self) -> bool:
         return self.pairs > 0
@@ -19,6 +22,11 @@ class Doubts:
     def text(self, flight: str = "DIR") -> str:
         """For the operator: what is in doubt, and what to do."""
         pictures = "1 picture" if self.pairs == 1 else f"{self.pairs} pictures"
+        if self.is_part:
+            return (
+                f"Which triggers {pictures} belong to is ambiguous, and they have none: there were more of either before "
+                "them than are looked at together; gcs-mosaic replay with the log of the flight pairs all of them"
+            )
         what = f"Which trigger belongs to which picture is ambiguous for {pictures} of {self.of}: "
         if not self.shifts:
             return f"{what}some were lost, and neither names nor times tell which"

@@ -63,6 +63,8 @@ class Index(Generic[Held]):
         self._room = room
         self._keys: OrderedDict[Held, list[Hashable]] = OrderedDict()
         self._under: dict[Hashable, list[Held]] = {}
+        self.evicted = 0
+        """How many are not held any more, because there was no room."""
 
     def put(self, held: Held, keys: Iterable[Hashable]) -> None:
         """Add `held`, or add keys to it."""
@@ -78,6 +80,7 @@ class Index(Generic[Held]):
         while len(self._keys) > self._room:
             taken_off.append(next(iter(self._keys)))
             self.remove(taken_off[-1])
+        self.evicted += len(taken_off)
         return taken_off
 
     def remove(self, held: Held) -> None:

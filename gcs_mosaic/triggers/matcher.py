@@ -134,7 +134,11 @@ class Pairing:
         """End of input: match the rest by sequence; events still pending become missing."""
         outcomes = [
             *self._take_back(),
-            *self._judge(list(self._events.oldest_first()), list(self._frames.oldest_first())),
+            *self._judge(
+                list(self._events.oldest_first()),
+                list(self._frames.oldest_first()),
+                is_part=self._events.evicted + self._frames.evicted > 0,
+            ),
         ]
         pending = [held for held in self._events.oldest_first() if held.state is State.PENDING]
         return [*outcomes, *(self._missing(held) for held in pending)]
@@ -254,12 +258,14 @@ class Pairing:
         else:
             self.doubts = Doubts()
 
-    def _judge(self, events: list[PendingEvent], frames: list[PendingFrame]) -> Iterator[Outcome]:
+    def _judge(
+        self, events: list[PendingEvent], frames: list[PendingFrame], *, is_part: bool = False
+    ) -> Iterator[Outcome]:
         """Decide by the whole stretch what names have not settled, and note what is ambiguous."""
         named = self._search.learnt.names_work
         shots = [held for held in events if may_change(held) and not (named and held.hints)]
         shots = [held for held in shots if held.frame or not self._search.is_doubtful(held)]
-        found = judge(shots, [held for held in frames if may_change(held)])
+        found = judge(shots, [held for held in frames if may_change(held)], is_part=is_part)
         self.doubts = found.doubts
         for event, frame in found.pairs:
             yield from self._release(event)

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from gcs_mosaic.triggers.names import Field
-from gcs_mosaic.triggers.needleman_wunsch import Floats, Places
+from gcs_mosaic.triggers.needleman_wunsch import LOST, Floats, Places
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -23,11 +23,16 @@ NUMBERS, CLOCK, ARRIVAL = "the numbers in the file names", "the camera's clock",
 AGREES, _DIFFERS = 2.2, -6.0  # of numbers
 _OUTLIER = 0.001  # share of times that are wrong
 _PEAKS = 10  # zeros of one ruler that are tried
+_COMPARED = 2_500_000  # differences that are looked through for them: all of 1,500 shots and files, a share of more
+_AT_ENDS = 4  # shots and files at either end by which they are shifted
+_WITHIN_S, _WITHIN = 0.7, 0.1  # times and numbers that agree
 _CHANCE_S = 30.0  # times that agree by chance lie anywhere in such a range
 _LEAST, _HALF = 3, 0.6  # pairs that a ruler must explain, and their share
 _ZONE_S, _SET_S = 900.0, 1.0  # time zones differ by quarters of an hour; a clock that is set is this exact
 _IS_SET = 0.5  # share of clocks that are set
 _SAME_COUNT = 0.5  # in favour of a number that is the counter's own
+_MEETING = AGREES - 2 * LOST  # what an alignment gains where a number that is lacking meets one that is
+_SPARSE = 10  # times as many numbers as there are shots and files: they have begun anew
 _EARLIEST_S, _LATEST_S = -1.5, 15.0  # a file's arrival after its shot
 _IMPOSSIBLE_S, _NEVER = -10.0, -100.0  # a file that came so long before its shot is another one's
 
@@ -79,11 +84,42 @@ class Rulers:
 
     def likeliest_by_differences(self) -> Iterator[Places]:
         """First guesses of each shot's file: by what times and numbers differ by most often."""
-        apart = [(self._clock_apart(), 0.7), (self._arrival_apart(), 0.7)]
-        apart += [(numbers[None, :] - counts[:, None], 0.1) for counts, numbers in self._pairs_of_numbers()]
-        for differences, within in apart:
-            for zero in _peaks(differences, within):
-                yield _nearest(np.abs(differences - zero), within)
+        for of_files, of_shots, within in self._scales():
+            some = _spread(len(of_shots), _COMPARED // max(len(of_files), 1))
+            for zero in _peaks(of_files[None, :] - of_shots[some, None], within):
+                yield _nearest(of_files, of_shots + zero, within)
+
+    def likeliest_by_ends(self) -> Iterator[Places]:
+        """The same by what those at either end differ by: in long rows chance alone makes others come as often."""
+        for of_files, of_shots, within in self._scales():
+            files, shots = of_files[~np.isnan(of_files)], of_shots[~np.isnan(of_shots)]
+            if of_files is self._arrived or not len(files) or not len(shots):
+                continue  # of many that came together the ends tell nothing
+            ends = [
+                *(files[:1] - shots[:_AT_ENDS]),
+                *(files[:_AT_ENDS] - shots[:1]),
+                *(files[-1:] - shots[-_AT_ENDS:]),
+                *(files[-_AT_ENDS:] - shots[-1:]),
+            ]
+            for zero in sorted({*ends}):
+                yield _nearest(of_files, of_shots + zero, within)
+
+    def expected(self, zeros: Zeros) -> Places:
+        """For each shot the file that the surest of these rulers gives it; -1: none."""
+        if zeros.numbers is not None:
+            counts, numbers = list(self._pairs_of_numbers())[zeros.numbers[0]]
+            return _nearest(numbers, counts + zeros.numbers[1], _WITHIN)
+        for times, zero in ((self._captured, zeros.clock), (self._arrived, zeros.arrival)):
+            if zero is not None:
+                return _nearest(times, self._moments + zero[0], max(_WITHIN_S, zero[1]))
+        return np.full(self.shots, -1)
+
+    def _scales(self) -> Iterator[tuple[Floats, Floats, float]]:
+        """What files and shots are compared by, and within what it agrees."""
+        yield self._captured, self._moments, _WITHIN_S
+        yield self._arrived, self._moments, _WITHIN_S
+        for counts, numbers in self._pairs_of_numbers():
+            yield numbers, counts, _WITHIN
 
     def zeros(self, file_of: Places) -> Zeros:
         """The zeros of all rulers that these pairs agree with."""
@@ -109,23 +145,28 @@ class Rulers:
                 found, agreeing = (place, float(zero)), most
         return found
 
-    def scores(self, zeros: Zeros) -> Floats:
-        """What speaks for each pair (shots x files), by all rulers."""
-        scores = np.zeros((len(self._moments), len(self._captured)))
+    def scores(self, zeros: Zeros, shots: Places, files: Places) -> Floats:
+        """What speaks for each pair of these places, by all rulers."""
+        scores = np.zeros(np.broadcast_shapes(shots.shape, files.shape))
+        arrived = self._arrived[files] - self._moments[shots]
         if zeros.numbers is not None:
             counts, numbers = list(self._pairs_of_numbers())[zeros.numbers[0]]
-            apart = numbers[None, :] - counts[:, None] - zeros.numbers[1]
+            apart = numbers[files] - counts[shots] - zeros.numbers[1]
             scores += np.where(np.isnan(apart), 0.0, np.where(apart == 0, AGREES, _DIFFERS))
         if zeros.clock is not None:
-            scores += _fitting(self._clock_apart(), *zeros.clock)
+            scores += _fitting(self._captured[files] - self._moments[shots], *zeros.clock)
         if zeros.arrival is not None:
-            scores += _fitting(self._arrival_apart(), *zeros.arrival)
-        scores[self._arrival_apart() < _IMPOSSIBLE_S] = _NEVER
+            scores += _fitting(arrived, *zeros.arrival)
+        scores[arrived < _IMPOSSIBLE_S] = _NEVER
         return scores
 
     def prior(self, zeros: Zeros) -> float:
-        """How likely such zeros are: delays are short, and a clock that is set is exact but for the time zone."""
+        """How likely such zeros are: delays are short, and a clock that is set is exact but for the time zone. What lacks in
+        both rows by chance is taken off, for the alignment has not paid for it."""
         prior = _SAME_COUNT if zeros.numbers is not None and zeros.numbers[1] == 0 else 0.0
+        if zeros.numbers is not None:
+            counts, numbers = list(self._pairs_of_numbers())[zeros.numbers[0]]
+            prior -= _MEETING * _met_by_chance(counts + zeros.numbers[1], numbers)
         if zeros.clock is not None and self._utc_of_zero is not None:
             off = (zeros.clock[0] - self._utc_of_zero + _ZONE_S / 2) % _ZONE_S - _ZONE_S / 2
             density = _IS_SET * np.exp(-0.5 * (off / _SET_S) ** 2) / (_SET_S * np.sqrt(2 * np.pi))
@@ -142,13 +183,12 @@ class Rulers:
             for numbers in filter(_varies, self._numbers):
                 yield counts, numbers
 
-    def _clock_apart(self) -> Floats:
-        apart: Floats = self._captured[None, :] - self._moments[:, None]
-        return apart
 
-    def _arrival_apart(self) -> Floats:
-        apart: Floats = self._arrived[None, :] - self._moments[:, None]
-        return apart
+def _spread(count: int, most: int) -> Places:
+    """So many of them at most, at uneven distances: even ones would agree with what comes at such distances."""
+    if count <= most:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
 def _peaks(apart: Floats, within: float) -> list[float]:
@@ -195,11 +235,34 @@ def _density(off: Floats, sigma: float) -> Floats:
     return density
 
 
-def _nearest(off: Floats, within: float) -> Places:
-    """For each shot the file of the least difference (shots x files) from what is expected; -1 if none is as near as that."""
-    off = np.where(np.isnan(off), np.inf, off)
-    nearest = off.argmin(axis=1)
-    return np.where(off[np.arange(len(off)), nearest] <= within, nearest, -1)
+def _nearest(of_files: Floats, expected: Floats, within: float) -> Places:
+    """For each shot the file that is nearest to what is expected of it, of equal ones the first; -1 if none is so near."""
+    order = np.argsort(of_files, kind="stable")
+    order = order[: int((~np.isnan(of_files)).sum())]  # what is not known comes last
+    if not len(order):
+        return np.full(len(expected), -1)
+    known = of_files[order]
+    after = np.searchsorted(known, expected)
+    before = np.searchsorted(known, known[np.maximum(after - 1, 0)])
+    after = np.minimum(after, len(known) - 1)
+    nearest = np.where(np.abs(known[before] - expected) <= np.abs(known[after] - expected), before, after)
+    return np.where(np.abs(known[nearest] - expected) <= within, order[nearest], -1)
+
+
+def _met_by_chance(counts: Floats, numbers: Floats) -> float:
+    """How many numbers lack in both rows, as far as chance explains it: where messages and files are lost independently, losses
+    of the one meet losses of the other by every shift of the rows, and by some shift more than by the right one."""
+    ours, theirs = (np.unique(one[~np.isnan(one)]) for one in (counts, numbers))
+    first, last = max(ours[0], theirs[0]), min(ours[-1], theirs[-1])
+    among = last - first + 1
+    if not 1 <= among <= _SPARSE * (len(ours) + len(theirs)) or any(
+        np.median(np.diff(one)) != 1 for one in (ours, theirs)
+    ):
+        return 0.0
+    ours, theirs = (one[(one >= first) & (one <= last)] for one in (ours, theirs))
+    met = among - len(np.union1d(ours, theirs))
+    usual = (among - len(ours)) * (among - len(theirs)) / among
+    return float(min(met, usual + 3 * np.sqrt(usual) + 2))
 
 
 def _varies(values: Floats) -> bool:

@@ -36,26 +36,27 @@ class Judgement:
     doubts: Doubts = NONE
 
 
-def judge(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame]) -> Judgement:
-    """What is likeliest for all of them together. No pair is changed where another explanation is about as good."""
+def judge(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame], *, is_part: bool = False) -> Judgement:
+    """What is likeliest for all of them together. No pair is changed where another explanation is about as good.
+
+    `is_part`: there were more before them."""
     from gcs_mosaic.triggers import alignment  # numpy takes a while to load, and links are opened before
 
-    count = len(shots)
-    shots = sorted(shots, key=lambda held: held.moment)[-alignment.MOST :]
+    is_part |= max(len(shots), len(frames)) > alignment.LONGEST
+    shots = sorted(shots, key=lambda held: held.moment)[-alignment.LONGEST :]
     best, row = None, list[PendingFrame]()
-    for ordered in _orders(frames[-alignment.MOST :]):
+    for ordered in _orders(frames[-alignment.LONGEST :]):
         found = _aligned(shots, ordered)
         if best is None or found.score > best.score + 1e-6:
             best, row = found, ordered
     if best is None or not best.told_by or len(best.pairs) < _LEAST:
         return Judgement()
-    is_part = max(count, len(frames)) > alignment.MOST
     pairs = [(shots[shot], row[file]) for shot, file in best.pairs]
     changed = [(event, frame) for event, frame in pairs if frame.event is not event]
-    if is_part and _adds_only(
-        changed
-    ):  # which part of the shots a part of the files belongs to is seen by the whole alone
-        return Judgement()
+    if (
+        is_part and changed and _adds_only(changed)
+    ):  # which part of the shots a part of the files is of, the whole tells alone
+        return Judgement(doubts=Doubts(pairs=len(changed), of=len(pairs), is_part=True))
     if best.unsure:  # what there is stays; where there is nothing, the likeliest is chosen, and can be changed
         doubts = Doubts(best.shifts, best.unsure, len(pairs))
         fits = len(changed) == len(pairs) >= _FITS * min(len(shots), len(row)) and _adds_only(changed)

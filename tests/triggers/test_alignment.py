@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Sequence
 
 import pytest
@@ -109,3 +110,19 @@ def test_names_of_one_shot_have_one_stem(one: str, other: str) -> None:
 )
 def test_names_of_two_shots_have_two(one: str, other: str) -> None:
     assert stem_of(one) != stem_of(other)
+
+
+@pytest.mark.parametrize("shift", [-2, -1, 1, 2])
+@pytest.mark.parametrize("seed", range(6))
+def test_losses_that_meet_by_a_wrong_shift_are_no_evidence_for_it(shift: int, seed: int) -> None:
+    """Each message that was lost meets a lost file, if all is so many shots off: by one pair more each, and by chance."""
+    dice = random.Random(seed)
+    lost = dice.sample(range(4, 26), dice.randint(2, 5))
+    untold = {one + shift for one in dice.sample(lost, dice.randint(1, min(3, len(lost))))}
+    told = [k for k in range(30) if k not in untold]
+    there = [k for k in range(30) if k not in lost]
+    found = align([ShotClue(4.0 * k, {"counter": k + 1}) for k in told], files(dsc(*(41 + k for k in there))))
+    by = {there[file] - told[shot] for shot, file in found.pairs}
+    assert by == {0} or found.unsure, f"each pair is {by} off, and nothing is said"
+    if by != {0}:
+        assert shift in found.shifts or -shift in found.shifts

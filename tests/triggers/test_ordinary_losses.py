@@ -43,16 +43,6 @@ def test_a_steady_row_that_may_as_well_be_shifted_is_said_to_be(every: float) ->
     assert right(pairs) > 0.9 * len(pairs) or flight.pairing.doubts
 
 
-def test_files_after_landing_are_not_paired_by_a_part_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More than are looked at together, some lost: the last of either row need not belong together."""
-    monkeypatch.setattr("gcs_mosaic.triggers.alignment.MOST", 30)
-    items: list[tuple[int, TriggerEvent] | Frame] = [(number, shot(100.0 + number, number)) for number in range(60)]
-    items += [file(900.0 + 0.01 * number, f"IMG_{number + 7:04d}.JPG") for number in range(60) if number % 10 != 3]
-    flight = Flight().fly(*items)
-    flight.outcomes += flight.pairing.close()
-    assert flight.pairs() == {}
-
-
 def right(pairs: dict[int, str]) -> int:
     return sum(name == f"IMG_{event + 7:04d}.JPG" for event, name in pairs.items())
 

@@ -7,7 +7,7 @@ keyframe alone, never with another covered frame, so that slow drift does not ac
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -50,8 +50,9 @@ class Covering:
         self._search = search
         self._settings = settings
 
-    def look(self, name: str, features: Features) -> Covered | Compared:
-        """Whether a frame that is not in the graph yet is covered; if not, the results of the comparisons made.
+    def look(self, name: str, features: Features, previews: Container[str] = ()) -> Covered | Compared:
+        """Whether a frame that is not in the graph yet is covered; if not, the results of the comparisons made. `previews` cover
+        nothing: they are, or will be, covered themselves.
 
         The search for the next frame begins at this one's keyframe.
         """
@@ -60,7 +61,8 @@ class Covering:
             return compared
         last = graph.last_placed
         compared[last] = self._search.compare(name, features, last)
-        for keyframe in self._keyframes(features, last, compared[last]):
+        keyframes = self._keyframes(features, last, compared[last])
+        for keyframe in (one for one in keyframes if graph.frames[one].name not in previews):
             if keyframe not in compared:
                 compared[keyframe] = self._search.compare(name, features, keyframe)
             link = compared[keyframe]
