@@ -25,7 +25,7 @@ from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.permissions import restrict
 
-SIMULATOR = ("gcs_mosaic.sitl.__main__", "sitl.__main__")  # in an installed package, in a clone
+SIMULATOR = "gcs_mosaic.sitl.__main__"  # by its name: it imports nothing of the program, nor the program of it
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -207,10 +207,8 @@ def config(given: argparse.Namespace) -> None:
 def demo(given: argparse.Namespace) -> int:
     """Run a simulated flight: the simulator starts the program as a separate process, as an operator would."""
     from importlib import import_module
-    from importlib.util import find_spec
 
-    name = next(name for name in SIMULATOR if find_spec(name.partition(".__")[0]))
-    return int(import_module(name).main(given.words, program="gcs-mosaic demo"))
+    return int(import_module(SIMULATOR).main(given.words, program="gcs-mosaic demo"))
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {

@@ -7,10 +7,10 @@ import difflib
 import math
 import types
 import typing
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import gcs_mosaic
 from gcs_mosaic.config import yaml_text
 from gcs_mosaic.errors import UsageError
 
@@ -18,10 +18,9 @@ LONGEST_SHOWN = 80  # characters of a value that is refused
 
 
 def documented_defaults() -> str:
-    """Every setting with its default, unit and reason, as YAML: config/default.yaml of a clone, or the installed copy."""
-    ours = files("gcs_mosaic").joinpath("default.yaml")
-    text = ours if ours.is_file() else Path(__file__).parents[2] / "config" / "default.yaml"
-    return text.read_text(encoding="utf-8")
+    """Every setting with its default, unit and reason, as YAML: config/default.yaml, found along the package's path."""
+    found = (Path(place) / "config" / "default.yaml" for place in gcs_mosaic.__path__)
+    return next(path for path in found if path.is_file()).read_text(encoding="utf-8")
 
 
 def read_settings(path: Path) -> dict[str, Any]:
