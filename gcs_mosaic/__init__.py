@@ -9,17 +9,11 @@ Public API for programs and notebooks; no other process is needed:
 """
 
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gcs_mosaic.stitch.graph.placement import Covered, Placement, Rejection, Waiting
     from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
-
-# What belongs to the package and lies beside it in a clone (sitl/, config/default.yaml) lies in it once it is installed. Along this
-# path both are found by one name: `gcs_mosaic.sitl`, and `config/default.yaml`.
-if not (Path(__file__).parent / "sitl").is_dir():
-    __path__.append(str(Path(__file__).parents[1]))
 
 __all__ = ["Covered", "Mosaic", "Placement", "Rejection", "StitchSettings", "Waiting"]
 

@@ -18,6 +18,8 @@ ALLOWED = {
     "errors": set(),
     "messages": set(),
     "children": set(),
+    "outside": set(),
+    "sitl": {"outside"},
     "stitch": set(),
     "stitch.arrays": set(),
     "stitch.transaction": set(),
@@ -52,7 +54,19 @@ ALLOWED = {
         *("children", "messages", "errors"),
     },
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
-    "config": {"mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints", *STITCH, "errors"},
+    "config": {
+        "mavlink",
+        "triggers",
+        "frames",
+        "store",
+        "render",
+        "baseline",
+        "web",
+        "hints",
+        *STITCH,
+        "errors",
+        "outside",
+    },
     "app": {
         *("notes", "config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
         *STITCH,
@@ -99,7 +113,7 @@ ONLY = {
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
-FRONT_DOOR = {"__init__", "__main__", "children", "errors", "messages"}
+FRONT_DOOR = {"__init__", "__main__", "children", "errors", "messages", "outside", "sitl"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 

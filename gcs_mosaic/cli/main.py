@@ -19,7 +19,7 @@ from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.cli.foreign import OF_A_FLIGHT, telling_of_foreign
-from gcs_mosaic.cli.options import DEFAULT_OUT, hint_settings_of, listening_of, parse, readers_of, web_settings_of
+from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, serve_settings_of
 from gcs_mosaic.cli.streams import flush_or_let_go
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
@@ -134,8 +134,9 @@ def serve(given: argparse.Namespace) -> None:
 
     stop = threading.Event()
     _end_on_signals(stop, stop)
-    restrict(readers_of(given))
-    serve_until(stop, find_flight(given.flight), given.http, web_settings_of(given), hint_settings_of(given))
+    settings = serve_settings_of(given)
+    restrict(settings.permissions)
+    serve_until(stop, find_flight(given.flight), given.http, settings.web, settings.hints)
 
 
 def status(given: argparse.Namespace) -> None:
@@ -198,10 +199,16 @@ def pair(given: argparse.Namespace) -> None:
 
 
 def config(given: argparse.Namespace) -> None:
-    """Print all settings with their defaults, as YAML suitable for --config."""
+    """Print all settings with their defaults, as YAML suitable for --config, and as a remark what is set elsewhere."""
     from gcs_mosaic.config.settings_file import documented_defaults
 
-    print(documented_defaults(), end="")
+    print(documented_defaults(), end="", flush=True)
+    from gcs_mosaic.config.tree import changed, configured
+    from gcs_mosaic.store.log import masked
+
+    if set_elsewhere := list(changed(configured(None))):
+        print("\n# Set otherwise here, without --config or options:")
+        print("".join(f"#   {masked(one)}\n" for one in set_elsewhere), end="")
 
 
 def demo(given: argparse.Namespace) -> int:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args
 
 from gcs_mosaic.cli.aircraft import add_recorded_frames, add_sources, add_vehicles, of_each_aircraft
+from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
-from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.messages import HIGHEST_SYSTEM
 from gcs_mosaic.stitch.features.detectors import FeatureKind
-from gcs_mosaic.store.permissions import UMASKS, Readers
+from gcs_mosaic.store.permissions import Readers
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 from gcs_mosaic.web.settings import WebSettings
 
@@ -87,37 +87,31 @@ def _with(settings: Any, path: tuple[str, ...], value: object) -> Any:
     return replace(settings, **{first: inner})  # type: ignore[type-var]
 
 
+def names_given(given: argparse.Namespace) -> list[str]:
+    """The dotted names of the settings that the command line overrides."""
+    told = [name for name in SETTINGS if getattr(given, name, None) not in (None, False)]
+    return [".".join(SETTINGS[name]) for name in told]
+
+
 def listening_of(given: argparse.Namespace) -> Listening:
-    """The link settings of the settings file, overridden by the command line."""
+    """The link settings of files and environment, overridden by the command line."""
+    listening, _ = settings_of(Listening, given.config, only=True)
     names = [field.name for field in fields(Listening)]
-    said = read_settings(given.config) if given.config else {}
-    listening: Listening = from_mapping(
-        Listening, {name: said[name] for name in names if name in said}, str(given.config)
-    )
     return overruled(listening, given, [name for name, path in SETTINGS.items() if path[0] in names])
 
 
-def web_settings_of(given: argparse.Namespace) -> WebSettings:
-    """The page's settings of the settings file; the others are not looked at."""
-    said = read_settings(given.config).get("web", {}) if given.config else {}
-    settings: WebSettings = from_mapping(WebSettings, said, f"{given.config}: web")
-    return settings
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeSettings:
+    """What counts for a flight that was flown before; the other settings are not looked at."""
+
+    web: WebSettings = field(default_factory=WebSettings)
+    hints: HintSettings = field(default_factory=HintSettings)
+    permissions: Readers = "owner"
 
 
-def hint_settings_of(given: argparse.Namespace) -> HintSettings:
-    """The settings of hints in the settings file; the others are not looked at."""
-    said = read_settings(given.config).get("hints", {}) if given.config else {}
-    settings: HintSettings = from_mapping(HintSettings, said, f"{given.config}: hints")
-    return settings
-
-
-def readers_of(given: argparse.Namespace) -> Readers:
-    """Who may read what is written, by the settings file. Raises UsageError."""
-    said = read_settings(given.config).get("permissions", "owner") if given.config else "owner"
-    if said not in UMASKS:
-        raise UsageError(f"{given.config}: permissions is to be one of {', '.join(UMASKS)}")
-    readers: Readers = said
-    return readers
+def serve_settings_of(given: argparse.Namespace) -> ServeSettings:
+    """Those of files and environment. Raises UsageError."""
+    return settings_of(ServeSettings, given.config, only=True)[0]
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
