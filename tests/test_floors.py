@@ -14,11 +14,13 @@ PACKAGE = Path(__file__).parent.parent / "gcs_mosaic"
 STITCHING = ("camera", "features", "registration", "graph", "bundle", "mapping", "mosaic")  # each those before it
 STITCH = {"stitch.arrays", "stitch.transaction", *(f"stitch.{room}" for room in STITCHING)}
 ALLOWED = {
-    "__init__": STITCH,  # the front door for programs
+    "__init__": STITCH | {"interface"},  # the front door for programs
     "errors": set(),
     "messages": set(),
     "children": set(),
     "outside": set(),
+    "extensions": {"errors"},
+    "interface": {"app", "config", "views", "store", "render", "frames", "triggers", "mavlink", "messages", "errors"},
     "sitl": {"outside"},
     "stitch": set(),
     "stitch.arrays": set(),
@@ -48,7 +50,17 @@ ALLOWED = {
     "views": {"store", "render", "frames", "stitch.arrays", "stitch.camera", "stitch.graph", "messages", "errors"},
     "notes": {"geo", "views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "messages", "errors"},
     "geotiles": {"geo", "views", "store", "render", "stitch.arrays", "errors"},
-    "hints": {"children", "views", "store", "render", "stitch.arrays", "stitch.camera", "stitch.features", "errors"},
+    "hints": {
+        "children",
+        "views",
+        "store",
+        "render",
+        "stitch.arrays",
+        "stitch.camera",
+        "stitch.features",
+        "errors",
+        "extensions",
+    },
     "web": {
         *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
         *("children", "messages", "errors"),
@@ -68,13 +80,27 @@ ALLOWED = {
         "outside",
     },
     "app": {
-        *("notes", "config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
+        *(
+            "extensions",
+            "notes",
+            "config",
+            "debug",
+            "web",
+            "store",
+            "render",
+            "baseline",
+            "frames",
+            "triggers",
+            "mavlink",
+        ),
         *STITCH,
         *("messages", "errors"),
     },
     "archive": {"app", "config", "store", "render", "frames", *STITCH, "messages", "errors"},
     "cli": {
         "messages",
+        "extensions",
+        "interface",
         "app",
         "archive",
         "config",
@@ -113,7 +139,7 @@ ONLY = {
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
-FRONT_DOOR = {"__init__", "__main__", "children", "errors", "messages", "outside", "sitl"}
+FRONT_DOOR = {"__init__", "__main__", "children", "errors", "extensions", "interface", "messages", "outside", "sitl"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 

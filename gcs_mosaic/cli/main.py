@@ -168,8 +168,13 @@ def check(given: argparse.Namespace) -> int:
 
 def export_flight(given: argparse.Namespace) -> None:
     """Export a flight for other programs."""
-    from gcs_mosaic.export.formats import Wish, export
+    from gcs_mosaic.export.formats import FORMATS, Wish, export
 
+    if given.format not in FORMATS:
+        from gcs_mosaic.cli.extended_export import export_by_extension
+
+        print(export_by_extension(given))
+        return
     wish = Wish(
         to=given.to,
         island=given.island,

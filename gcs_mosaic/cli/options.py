@@ -13,6 +13,7 @@ from gcs_mosaic.cli.aircraft import add_recorded_frames, add_sources, add_vehicl
 from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.extensions import names
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.messages import HIGHEST_SYSTEM
@@ -34,6 +35,7 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
     "watch": ("watch",),
     "rtsp": ("rtsp",),
     "sources": ("sources",),
+    "source": ("source",),
     "every": ("stream", "every"),
     "from": ("frames", "from_age_s"),
     "cameras": ("frames", "cameras"),
@@ -67,9 +69,9 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message} ({self.asked} --help shows what there is)")
 
 
-def overruled(settings: T, given: argparse.Namespace, names: Sequence[str] = tuple(SETTINGS)) -> T:
-    """Settings overridden by the given options among `names`. Raises UsageError for invalid values."""
-    for name in names:
+def overruled(settings: T, given: argparse.Namespace, among: Sequence[str] = tuple(SETTINGS)) -> T:
+    """Settings overridden by the given options among those. Raises UsageError for invalid values."""
+    for name in among:
         value = getattr(given, name, None)
         if value is not None and value is not False:
             try:
@@ -96,8 +98,8 @@ def names_given(given: argparse.Namespace) -> list[str]:
 def listening_of(given: argparse.Namespace) -> Listening:
     """The link settings of files and environment, overridden by the command line."""
     listening, _ = settings_of(Listening, given.config, only=True)
-    names = [field.name for field in fields(Listening)]
-    return overruled(listening, given, [name for name, path in SETTINGS.items() if path[0] in names])
+    known = [field.name for field in fields(Listening)]
+    return overruled(listening, given, [name for name, path in SETTINGS.items() if path[0] in known])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,6 +162,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a live flight."""
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
     add_sources(parser)
+    parser.add_argument("--source", metavar="NAME[:ADDRESS]", help="frames of an installed extension, beside those")
     _add_every(parser, "frames of the stream without triggers too, and of videos; default for those: overlap")
     parser.add_argument("--from", metavar="now|start|30m", help="how old a file may be at the start")
     _add_cameras(parser)
@@ -290,7 +293,8 @@ EARTH_FORMATS = ("geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson"
 
 def _add_export(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
-    parser.add_argument("--format", choices=(*CANVAS_FORMATS, *EARTH_FORMATS), required=True)
+    told = f"{', '.join((*CANVAS_FORMATS, *EARTH_FORMATS))}, or one of an installed extension"
+    parser.add_argument("--format", type=_format, required=True, metavar="FORMAT", help=told)
     parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or the like, in DIR")
     told = "which island; default: the largest, or all that have an anchor"
     parser.add_argument("--island", type=int, metavar="N", help=told)
@@ -301,6 +305,15 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bands", action="store_true", help="geotiff, cog: every band of the frames at its depth")
     parser.add_argument("--no-gains", action="store_true", help="bands: counts as the camera wrote them, seams and all")
     parser.add_argument("--tiles", choices=["png", "webp", "jpg"], help="mbtiles, pmtiles, xyz: default png")
+
+
+def _format(text: str) -> str:
+    if text in (*CANVAS_FORMATS, *EARTH_FORMATS):
+        return text
+    known = (*CANVAS_FORMATS, *EARTH_FORMATS, *names("exports"))
+    if text not in known:
+        raise argparse.ArgumentTypeError(f"{text} is no format: those are {', '.join(known)}")
+    return text
 
 
 def _crs(text: str) -> str:

@@ -41,6 +41,7 @@ class Config(Listening):
     watch: str = "frames"  # folder in which the camera's files appear
     # live stream instead of a folder, such as rtsp://HOST:554/main; auto: as announced by the aircraft; null: none
     rtsp: str | None = None
+    source: str | None = None  # frames of an installed extension beside those: NAME or NAME:ADDRESS
     # of several aircraft, each with a folder or a stream of its own; then `watch` and `rtsp` above are not used
     sources: tuple[AircraftSource, ...] = ()
     out: str = "mosaic"  # folder for tiles, ledger and originals
