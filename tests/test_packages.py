@@ -19,7 +19,10 @@ import yaml
 from tests import fresh
 
 DATE = "1700000000"
-INSIDE = "set -e; dpkg -i /tmp/gcs-mosaic.deb; cd /tmp; gcs-mosaic --version; gcs-mosaic config > config.yaml; {fly}; dpkg --purge gcs-mosaic"
+INSIDE = (
+    "set -e; dpkg -i /tmp/gcs-mosaic.deb; cd /tmp; gcs-mosaic --version; gcs-mosaic config > config.yaml; "
+    "{fly}; dpkg --purge gcs-mosaic"
+)
 FLY = "gcs-mosaic demo --count 4 --size 640x480 --speed 8 --no-http"
 NEWEST = (14, 13, 12)
 
@@ -109,7 +112,7 @@ def test_every_version_of_the_changelog_has_a_date() -> None:
 
 
 def test_the_container_is_made_as_containers_should_be() -> None:
-    """What hadolint would say first, as far as it applies: a pinned base, no cache in a layer, words as a list, nothing secret."""
+    """What hadolint would say first, as far as it applies: a pinned base, no cache in a layer, words as a list."""
     lines = _instructions((fresh.ROOT / "config" / "Containerfile").read_text())
     assert {word for word, _ in lines} <= {"FROM", "ARG", "COPY", "RUN", "ENV", "WORKDIR", "ENTRYPOINT"}
     bases = [rest.split()[0] for word, rest in lines if word == "FROM"]
