@@ -312,7 +312,7 @@ def _format(text: str) -> str:
         return text
     known = (*CANVAS_FORMATS, *EARTH_FORMATS, *names("exports"))
     if text not in known:
-        raise argparse.ArgumentTypeError(f"{text} is no format: those are {', '.join(known)}")
+        raise argparse.ArgumentTypeError(f"invalid choice: {text!r} (choose from {', '.join(map(repr, known))})")
     return text
 
 
