@@ -62,8 +62,8 @@ def requirements(package: Distribution) -> list[str]:
 
 def component(package: Distribution) -> dict[str, Any]:
     """A package as a component."""
-    told = package.metadata
-    licence = told.get("License-Expression") or told.get("License") or "; ".join(classified(package))
+    told = package.metadata.json  # with field names in small letters
+    licence = told.get("license_expression") or told.get("license") or "; ".join(classified(package))
     name = normalised(package.name)
     return {
         "type": "library",
@@ -71,7 +71,7 @@ def component(package: Distribution) -> dict[str, Any]:
         "name": name,
         "version": package.version,
         "purl": reference(package),
-        "licenses": [named(" ".join(licence.split())[:100], expression="License-Expression" in told)]
+        "licenses": [named(" ".join(str(licence).split())[:100], expression="license_expression" in told)]
         if licence
         else [],
     }

@@ -1,16 +1,19 @@
 """Settings come from the user's file, the given one, the environment and the command line: each over the one before, and told."""
 
+from contextlib import closing
 from operator import attrgetter
 from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.cli import choices, options
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.layers import user_file
 from gcs_mosaic.config.tree import Config, changed, configured
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.aircraft_source import AircraftSource
+from gcs_mosaic.store.folder import LOG_NAME, open_flight_folder
 
 
 @pytest.fixture
@@ -153,6 +156,21 @@ def test_config_tells_what_is_set_and_where(
     assert configured(tmp_path / "all.yaml").scale == 1, "it is still YAML for --config"
     own.write_text("finish_s: soon")
     assert main(["config"]) == 2
+
+
+def test_the_log_of_a_flight_tells_where_each_setting_comes_from(
+    own: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    own.write_text("resume_h: 2")
+    monkeypatch.setenv("GCS_MOSAIC_RTSP", "rtsp://user:secret@camera/main")
+    config = choices.config_of(options.parse(["--out", str(tmp_path / "out")]))
+    folder = open_flight_folder(tmp_path / "out")
+    with closing(folder), flight_log(folder, config):
+        log = (folder.path / LOG_NAME).read_text()
+    assert f"resume_h=2.0 ({own})" in log
+    assert "rtsp='…' (GCS_MOSAIC_RTSP)" in log
+    assert "(the command line)" in log
+    assert "secret" not in log
 
 
 def test_without_a_place_of_its_own_it_is_below_the_home() -> None:
