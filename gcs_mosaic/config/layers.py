@@ -24,7 +24,7 @@ S = TypeVar("S")
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
+class SettingsLayer:
     """Settings from one place, as they are written there. `where`: how sentences call it."""
 
     where: str
@@ -41,11 +41,11 @@ def user_file(environment: Mapping[str, str] = os.environ) -> Path | None:
     return folder / "gcs-mosaic" / "config.yaml"
 
 
-def files(given: Path | None) -> list[Layer]:
+def files(given: Path | None) -> list[SettingsLayer]:
     """The user's file, if there is one, and the one that is given. Raises UsageError for one that cannot be read."""
     own = user_file()
     paths = [own] if own is not None and os.path.lexists(own) else []
-    return [Layer(str(path), read_settings(path)) for path in (*paths, *([given] if given else []))]
+    return [SettingsLayer(str(path), read_settings(path)) for path in (*paths, *([given] if given else []))]
 
 
 def settings_of(kind: type[S], given: Path | None, *, only: bool = False) -> tuple[S, dict[str, str]]:
