@@ -20,7 +20,7 @@ from tests import fresh
 
 DATE = "1700000000"
 INSIDE = (
-    "set -e; dpkg -i /tmp/gcs-mosaic.deb; cd /tmp; gcs-mosaic --version; gcs-mosaic config > config.yaml; "
+    "set -e; dpkg -i /srv/gcs-mosaic.deb; cd /srv; gcs-mosaic --version; gcs-mosaic config > config.yaml; "
     "{fly}; dpkg --purge gcs-mosaic"
 )
 FLY = "gcs-mosaic demo --count 4 --size 640x480 --speed 8 --no-http"
@@ -171,7 +171,7 @@ def test_the_debian_package_is_installed_flies_and_leaves_nothing(
         "/usr/share/doc/gcs-mosaic/copyright",
     ):
         assert f" .{path}" in listed
-    shutil.copy(package, clean_system / "tmp" / "gcs-mosaic.deb")
+    shutil.copy(package, clean_system / "srv" / "gcs-mosaic.deb")
     said = fresh.run("chroot", str(clean_system), "sh", "-c", INSIDE.format(fly=FLY), minutes=20)
     assert "placed 4/4" in said
     assert not (clean_system / "opt" / "gcs-mosaic").exists()
