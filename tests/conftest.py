@@ -1,8 +1,11 @@
 """What tests of several rooms share."""
 
+import atexit
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +15,12 @@ from hypothesis import settings
 
 if TYPE_CHECKING:
     import numpy as np
+
+# Whoever runs the tests may have settings of their own, which are not tried here; programs that tests start inherit this.
+os.environ["XDG_CONFIG_HOME"] = tempfile.mkdtemp(prefix="no-settings-")
+atexit.register(shutil.rmtree, os.environ["XDG_CONFIG_HOME"], ignore_errors=True)
+for name in [name for name in os.environ if name.startswith("GCS_MOSAIC_")]:
+    del os.environ[name]
 
 # As the program does when it is started: sums of several threads differ in their last digits from those of one.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -129,7 +129,7 @@ def flying(
     if config is not None:
         (home / "config.yaml").write_text(config)
         words += ["--config", "config.yaml"]
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    environment = os.environ | {"PYTHONPATH": os.environ.get("PYTHONPATH") or str(Path(__file__).parents[1])}
     with (home / "said.txt").open("wb") as said, closing(Vehicle("127.0.0.1", port, ["camera"])) as vehicle:
         process = subprocess.Popen([*PROGRAM, *words], cwd=home, env=environment, stderr=terminal or said)
         flight = Running(process, home, out or home / "mosaic", vehicle, silent=terminal is not None)

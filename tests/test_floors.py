@@ -14,10 +14,14 @@ PACKAGE = Path(__file__).parent.parent / "gcs_mosaic"
 STITCHING = ("camera", "features", "registration", "graph", "bundle", "mapping", "mosaic")  # each those before it
 STITCH = {"stitch.arrays", "stitch.transaction", *(f"stitch.{room}" for room in STITCHING)}
 ALLOWED = {
-    "__init__": STITCH,  # the front door for programs
+    "__init__": STITCH | {"interface"},  # the front door for programs
     "errors": set(),
     "messages": set(),
     "processes": set(),
+    "outside": set(),
+    "extensions": {"errors"},
+    "interface": {"app", "config", "views", "store", "render", "frames", "triggers", "mavlink", "messages", "errors"},
+    "sitl": {"outside"},
     "stitch": set(),
     "stitch.arrays": set(),
     "stitch.transaction": set(),
@@ -55,6 +59,7 @@ ALLOWED = {
         "stitch.camera",
         "stitch.features",
         "errors",
+        "extensions",
     },
     "web": {
         *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
@@ -64,16 +69,30 @@ ALLOWED = {
     "config": {
         *("processes", "mavlink", "triggers", "frames", "store", "render", "baseline", "web", "hints"),
         *STITCH,
-        "errors",
+        *("errors", "outside"),
     },
     "app": {
-        *("notes", "config", "debug", "web", "store", "render", "baseline", "frames", "triggers", "mavlink"),
+        *(
+            "extensions",
+            "notes",
+            "config",
+            "debug",
+            "web",
+            "store",
+            "render",
+            "baseline",
+            "frames",
+            "triggers",
+            "mavlink",
+        ),
         *STITCH,
         *("messages", "errors"),
     },
     "archive": {"app", "config", "store", "render", "frames", *STITCH, "messages", "errors"},
     "cli": {
         "messages",
+        "extensions",
+        "interface",
         "app",
         "archive",
         "config",
@@ -112,7 +131,7 @@ ONLY = {
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
-FRONT_DOOR = {"__init__", "__main__", "errors", "messages"}
+FRONT_DOOR = {"__init__", "__main__", "errors", "extensions", "interface", "messages", "outside", "sitl"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 

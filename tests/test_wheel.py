@@ -34,7 +34,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_nothing_but_the_package_is_at_the_top(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"gcs_mosaic"}
-    for needed in ("py.typed", "default.yaml", "web/viewer/index.html", "sitl/stream/server.py"):
+    for needed in ("py.typed", "config/default.yaml", "web/viewer/index.html", "sitl/stream/server.py"):
         assert f"gcs_mosaic/{needed}" in names
 
 

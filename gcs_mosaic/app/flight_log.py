@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from gcs_mosaic.config.tree import Config
+from gcs_mosaic.config.tree import Config, changed
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import LEDGER_NAME, LOG_NAME, FlightFolder
@@ -133,8 +133,7 @@ def _introduce(config: Config) -> None:
     versions = f"Python {platform.python_version()}, OpenCV {cv2.__version__}, numpy {np.__version__}"
     logger.info("gcs-mosaic %s, %s, %s", _version(), versions, platform.platform())
     shown = dataclasses.replace(config, rtsp="…" if config.rtsp else None)  # may contain a password
-    changed = ", ".join(_differences(shown, Config())) or "none"
-    logger.info("settings that are not the defaults: %s", changed)
+    logger.info("settings that are not the defaults: %s", ", ".join(changed(shown)) or "none")
 
 
 def _version() -> str:
@@ -142,12 +141,3 @@ def _version() -> str:
         return importlib.metadata.version("gcs-mosaic")
     except importlib.metadata.PackageNotFoundError:
         return "(not installed)"
-
-
-def _differences(settings: Any, defaults: Any, where: str = "") -> Iterator[str]:
-    for field in dataclasses.fields(settings):
-        value, default = getattr(settings, field.name), getattr(defaults, field.name)
-        if dataclasses.is_dataclass(value):
-            yield from _differences(value, default, f"{where}{field.name}.")
-        elif value != default:
-            yield f"{where}{field.name}={value!r}"

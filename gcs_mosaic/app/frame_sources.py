@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from gcs_mosaic.app.extended_source import extension_frames, known_frames
 from gcs_mosaic.app.inbox import attach_stream, initial_report, watching
 from gcs_mosaic.app.links import ItemSource
 from gcs_mosaic.app.resuming import files_taken
@@ -87,11 +88,16 @@ def with_streams(
 def watched_folders(
     sources: Iterable[FrameSource], folder: FlightFolder, stop: threading.Event, room: Room | None = None
 ) -> Iterator[ItemSource]:
-    """The watched folders, created if missing; `room`: for frames of videos. Raises UsageError."""
+    """The watched folders, created if missing, and an extension's source; `room`: for frames of videos. Raises UsageError."""
+    sources = list(sources)
     for source in sources:
         if not source.config.rtsp:
             taken, known = taken_of(folder, source.vehicle), videos_taken_of(folder, source.vehicle)
             yield source.marked(watching(source.config, stop, taken, known, room))
+    first = sources[0]
+    if first.config.source is not None:
+        frames = extension_frames(first.config.source, known_frames(folder), stop)
+        yield ItemSource(frames, first.report_of_failure())
 
 
 def elsewhere(sources: Iterable[FrameSource], name: str) -> Path:

@@ -5,20 +5,24 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 
-from gcs_mosaic.cli.options import overruled
+from gcs_mosaic.cli.options import names_given, overruled
 from gcs_mosaic.config.model_trial import try_model
-from gcs_mosaic.config.tree import Config, load_config
+from gcs_mosaic.config.tree import Config, configured, told_by
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.settings import parse_from
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.stitch.features.detectors import is_available
 
+COMMAND_LINE = "the command line"
+_FEATURES = ("stitch.features.kind", "paper.features")
+
 
 def config_of(given: argparse.Namespace) -> Config:
-    """The settings file, overridden by the command line."""
-    config = overruled(load_config(given.config) if given.config else Config(), _understood(given))
+    """The settings of files and environment, overridden by the command line."""
+    config = overruled(configured(getattr(given, "config", None)), _understood(given))
+    config = told_by(config, names_given(given), COMMAND_LINE)
     if getattr(given, "features", None):
-        config = config.with_features(given.features)
+        config = told_by(config.with_features(given.features), _FEATURES, COMMAND_LINE)
     if config.method == "paper" and getattr(given, "blend", None):
         raise UsageError("--method paper blends as the paper says: leave out --blend")
     if config.method == "paper" and getattr(given, "debug", None):
@@ -36,7 +40,7 @@ def flight_config(given: argparse.Namespace, listening: Listening) -> Config:
     if given.watch or given.rtsp:  # what is said now is for all, whatever the file says of each
         config = replace(config, sources=(), rtsp=given.rtsp)
     config = _counting(config, given.vehicle)
-    return replace(config, http=None) if given.no_http else config
+    return told_by(replace(config, http=None), ["http"], COMMAND_LINE) if given.no_http else config
 
 
 def replay_config(given: argparse.Namespace) -> Config:

@@ -19,13 +19,13 @@ from rich.console import Console
 
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.cli.foreign import OF_A_FLIGHT, telling_of_foreign
-from gcs_mosaic.cli.options import DEFAULT_OUT, hint_settings_of, listening_of, parse, readers_of, web_settings_of
+from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, serve_settings_of
 from gcs_mosaic.cli.streams import flush_or_let_go
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.permissions import restrict
 
-SIMULATOR = ("gcs_mosaic.sitl.__main__", "sitl.__main__")  # in an installed package, in a clone
+SIMULATOR = "gcs_mosaic.sitl.__main__"  # by its name: it imports nothing of the program, nor the program of it
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -134,8 +134,9 @@ def serve(given: argparse.Namespace) -> None:
 
     stop = threading.Event()
     _end_on_signals(stop, stop)
-    restrict(readers_of(given))
-    serve_until(stop, find_flight(given.flight), given.http, web_settings_of(given), hint_settings_of(given))
+    settings = serve_settings_of(given)
+    restrict(settings.permissions)
+    serve_until(stop, find_flight(given.flight), given.http, settings.web, settings.hints)
 
 
 def status(given: argparse.Namespace) -> None:
@@ -167,8 +168,13 @@ def check(given: argparse.Namespace) -> int:
 
 def export_flight(given: argparse.Namespace) -> None:
     """Export a flight for other programs."""
-    from gcs_mosaic.export.formats import Wish, export
+    from gcs_mosaic.export.formats import FORMATS, Wish, export
 
+    if given.format not in FORMATS:
+        from gcs_mosaic.cli.extended_export import export_by_extension
+
+        print(export_by_extension(given))
+        return
     wish = Wish(
         to=given.to,
         island=given.island,
@@ -198,19 +204,23 @@ def pair(given: argparse.Namespace) -> None:
 
 
 def config(given: argparse.Namespace) -> None:
-    """Print all settings with their defaults, as YAML suitable for --config."""
+    """Print all settings with their defaults, as YAML suitable for --config, and as a remark what is set elsewhere."""
     from gcs_mosaic.config.settings_file import documented_defaults
 
-    print(documented_defaults(), end="")
+    print(documented_defaults(), end="", flush=True)
+    from gcs_mosaic.config.tree import changed, configured
+    from gcs_mosaic.store.log import masked
+
+    if set_elsewhere := list(changed(configured(None))):
+        print("\n# Set otherwise here, without --config or options:")
+        print("".join(f"#   {masked(one)}\n" for one in set_elsewhere), end="")
 
 
 def demo(given: argparse.Namespace) -> int:
     """Run a simulated flight: the simulator starts the program as a separate process, as an operator would."""
     from importlib import import_module
-    from importlib.util import find_spec
 
-    name = next(name for name in SIMULATOR if find_spec(name.partition(".__")[0]))
-    return int(import_module(name).main(given.words, program="gcs-mosaic demo"))
+    return int(import_module(SIMULATOR).main(given.words, program="gcs-mosaic demo"))
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args
 
 from gcs_mosaic.cli.aircraft import add_recorded_frames, add_sources, add_vehicles, of_each_aircraft
+from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
-from gcs_mosaic.config.settings_file import from_mapping, read_settings
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.extensions import names
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.messages import HIGHEST_SYSTEM
 from gcs_mosaic.stitch.features.detectors import FeatureKind
-from gcs_mosaic.store.permissions import UMASKS, Readers
+from gcs_mosaic.store.permissions import Readers
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 from gcs_mosaic.web.settings import WebSettings
 
@@ -34,6 +35,7 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
     "watch": ("watch",),
     "rtsp": ("rtsp",),
     "sources": ("sources",),
+    "source": ("source",),
     "every": ("stream", "every"),
     "from": ("frames", "from_age_s"),
     "cameras": ("frames", "cameras"),
@@ -67,9 +69,9 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message} ({self.asked} --help shows what there is)")
 
 
-def overruled(settings: T, given: argparse.Namespace, names: Sequence[str] = tuple(SETTINGS)) -> T:
-    """Settings overridden by the given options among `names`. Raises UsageError for invalid values."""
-    for name in names:
+def overruled(settings: T, given: argparse.Namespace, among: Sequence[str] = tuple(SETTINGS)) -> T:
+    """Settings overridden by the given options among those. Raises UsageError for invalid values."""
+    for name in among:
         value = getattr(given, name, None)
         if value is not None and value is not False:
             try:
@@ -87,37 +89,31 @@ def _with(settings: Any, path: tuple[str, ...], value: object) -> Any:
     return replace(settings, **{first: inner})  # type: ignore[type-var]
 
 
+def names_given(given: argparse.Namespace) -> list[str]:
+    """The dotted names of the settings that the command line overrides."""
+    told = [name for name in SETTINGS if getattr(given, name, None) not in (None, False)]
+    return [".".join(SETTINGS[name]) for name in told]
+
+
 def listening_of(given: argparse.Namespace) -> Listening:
-    """The link settings of the settings file, overridden by the command line."""
-    names = [field.name for field in fields(Listening)]
-    said = read_settings(given.config) if given.config else {}
-    listening: Listening = from_mapping(
-        Listening, {name: said[name] for name in names if name in said}, str(given.config)
-    )
-    return overruled(listening, given, [name for name, path in SETTINGS.items() if path[0] in names])
+    """The link settings of files and environment, overridden by the command line."""
+    listening, _ = settings_of(Listening, given.config, only=True)
+    known = [field.name for field in fields(Listening)]
+    return overruled(listening, given, [name for name, path in SETTINGS.items() if path[0] in known])
 
 
-def web_settings_of(given: argparse.Namespace) -> WebSettings:
-    """The page's settings of the settings file; the others are not looked at."""
-    said = read_settings(given.config).get("web", {}) if given.config else {}
-    settings: WebSettings = from_mapping(WebSettings, said, f"{given.config}: web")
-    return settings
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeSettings:
+    """What counts for a flight that was flown before; the other settings are not looked at."""
+
+    web: WebSettings = field(default_factory=WebSettings)
+    hints: HintSettings = field(default_factory=HintSettings)
+    permissions: Readers = "owner"
 
 
-def hint_settings_of(given: argparse.Namespace) -> HintSettings:
-    """The settings of hints in the settings file; the others are not looked at."""
-    said = read_settings(given.config).get("hints", {}) if given.config else {}
-    settings: HintSettings = from_mapping(HintSettings, said, f"{given.config}: hints")
-    return settings
-
-
-def readers_of(given: argparse.Namespace) -> Readers:
-    """Who may read what is written, by the settings file. Raises UsageError."""
-    said = read_settings(given.config).get("permissions", "owner") if given.config else "owner"
-    if said not in UMASKS:
-        raise UsageError(f"{given.config}: permissions is to be one of {', '.join(UMASKS)}")
-    readers: Readers = said
-    return readers
+def serve_settings_of(given: argparse.Namespace) -> ServeSettings:
+    """Those of files and environment. Raises UsageError."""
+    return settings_of(ServeSettings, given.config, only=True)[0]
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
@@ -166,6 +162,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a live flight."""
     parser.add_argument("--mavlink", action="append", metavar="ADDRESS", help="link to listen on; may be repeated")
     add_sources(parser)
+    parser.add_argument("--source", metavar="NAME[:ADDRESS]", help="frames of an installed extension, beside those")
     _add_every(parser, "frames of the stream without triggers too, and of videos; default for those: overlap")
     parser.add_argument("--from", metavar="now|start|30m", help="how old a file may be at the start")
     _add_cameras(parser)
@@ -296,7 +293,8 @@ EARTH_FORMATS = ("geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson"
 
 def _add_export(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
-    parser.add_argument("--format", choices=(*CANVAS_FORMATS, *EARTH_FORMATS), required=True)
+    told = f"{', '.join((*CANVAS_FORMATS, *EARTH_FORMATS))}, or one of an installed extension"
+    parser.add_argument("--format", type=_format, required=True, metavar="FORMAT", help=told)
     parser.add_argument("--to", type=Path, metavar="FILE", help="default: mosaic.png or the like, in DIR")
     told = "which island; default: the largest, or all that have an anchor"
     parser.add_argument("--island", type=int, metavar="N", help=told)
@@ -307,6 +305,15 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bands", action="store_true", help="geotiff, cog: every band of the frames at its depth")
     parser.add_argument("--no-gains", action="store_true", help="bands: counts as the camera wrote them, seams and all")
     parser.add_argument("--tiles", choices=["png", "webp", "jpg"], help="mbtiles, pmtiles, xyz: default png")
+
+
+def _format(text: str) -> str:
+    if text in (*CANVAS_FORMATS, *EARTH_FORMATS):
+        return text
+    known = (*CANVAS_FORMATS, *EARTH_FORMATS, *names("exports"))
+    if text not in known:
+        raise argparse.ArgumentTypeError(f"invalid choice: {text!r} (choose from {', '.join(map(repr, known))})")
+    return text
 
 
 def _crs(text: str) -> str:

@@ -7,21 +7,19 @@ import difflib
 import math
 import types
 import typing
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.config import yaml_text
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.outside import outside
 
 LONGEST_SHOWN = 80  # characters of a value that is refused
 
 
 def documented_defaults() -> str:
-    """Every setting with its default, unit and reason, as YAML: config/default.yaml of a clone, or the installed copy."""
-    ours = files("gcs_mosaic").joinpath("default.yaml")
-    text = ours if ours.is_file() else Path(__file__).parents[2] / "config" / "default.yaml"
-    return text.read_text(encoding="utf-8")
+    """Every setting with its default, unit and reason, as YAML."""
+    return outside("config/default.yaml").read_text(encoding="utf-8")
 
 
 def read_settings(path: Path) -> dict[str, Any]:
@@ -47,13 +45,14 @@ def as_mapping(values: object, where: str) -> dict[str, Any]:
 
 def from_mapping(kind: type, values: object, where: str) -> Any:
     """A settings dataclass from a mapping of some or all of its fields, validated recursively."""
-    hints, values = typing.get_type_hints(kind), as_mapping(values, where)
+    names, values = fields_of(kind), as_mapping(values, where)
+    hints = {name: hint for name, hint in typing.get_type_hints(kind).items() if name in names}
     for key in values:
         if key not in hints:
             raise UsageError(
-                f"{where}: {shown(key)} is not a setting{_nearest(str(key), hints)}; gcs-mosaic config shows all."
+                f"{where}: {shown(key)} is not a setting{nearest(str(key), hints)}; gcs-mosaic config shows all."
             )
-    given = {key: _value(hints[key], value, f"{where}: {key}") for key, value in values.items()}
+    given = {key: value_of(hints[key], value, f"{where}: {key}") for key, value in values.items()}
     try:
         return kind(**given)
     except ValueError as error:
@@ -69,19 +68,23 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"
 
 
-def _nearest(key: str, known: dict[str, Any]) -> str:
-    deeper = [name for name, kind in known.items() if key in _fields_of(kind)]
+def nearest(key: str, known: dict[str, Any]) -> str:
+    """What may have been meant by a name that is no setting, for the end of a sentence."""
+    deeper = [name for name, kind in known.items() if key in fields_of(kind)]
     if deeper:
         return " (did you mean " + " or ".join(f"'{name}: {{{key}: ...}}'" for name in deeper) + "?)"
     close = difflib.get_close_matches(key[:LONGEST_SHOWN], known, n=1, cutoff=0.5)
     return f" (did you mean {close[0]!r}?)" if close else f" (there are {', '.join(known)})"
 
 
-def _fields_of(kind: Any) -> list[str]:
-    return [field.name for field in dataclasses.fields(kind)] if dataclasses.is_dataclass(kind) else []
+def fields_of(kind: Any) -> list[str]:
+    """The names of a dataclass's settings; none of what is no dataclass."""
+    if not dataclasses.is_dataclass(kind):
+        return []
+    return [field.name for field in dataclasses.fields(kind) if field.metadata.get("setting", True)]
 
 
-def _value(kind: Any, value: object, where: str) -> Any:
+def value_of(kind: Any, value: object, where: str) -> Any:
     """The value converted to type `kind`. Raises UsageError."""
     if dataclasses.is_dataclass(kind):
         return from_mapping(typing.cast(type, kind), value, where)
@@ -90,14 +93,14 @@ def _value(kind: Any, value: object, where: str) -> Any:
         if value is None and type(None) in arguments:
             return None
         wanted = [argument for argument in arguments if argument is not type(None)]
-        return _value(next((kind for kind in wanted if type(value) is kind), wanted[-1]), value, where)
+        return value_of(next((kind for kind in wanted if type(value) is kind), wanted[-1]), value, where)
     if origin is typing.Literal:
         if value not in arguments:
             raise UsageError(f"{where}: expected one of {', '.join(map(str, arguments))}, got {shown(value)}.")
         return value
     if origin is tuple:
         items = value if isinstance(value, list) else [value]
-        return tuple(_value(arguments[0], item, where) for item in items)
+        return tuple(value_of(arguments[0], item, where) for item in items)
     return _plain(kind, value, where)
 
 

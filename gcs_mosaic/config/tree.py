@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import typing
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from gcs_mosaic.baseline.mosaic import PaperSettings
+from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
-from gcs_mosaic.config.settings_file import from_mapping, read_settings
+from gcs_mosaic.config.settings_file import fields_of, from_mapping, read_settings
 from gcs_mosaic.frames.aircraft_source import AircraftSource
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
@@ -38,6 +41,7 @@ class Config(Listening):
     watch: str = "frames"  # folder in which the camera's files appear
     # live stream instead of a folder, such as rtsp://HOST:554/main; auto: as announced by the aircraft; null: none
     rtsp: str | None = None
+    source: str | None = None  # frames of an installed extension beside those: NAME or NAME:ADDRESS
     # of several aircraft, each with a folder or a stream of its own; then `watch` and `rtsp` above are not used
     sources: tuple[AircraftSource, ...] = ()
     out: str = "mosaic"  # folder for tiles, ledger and originals
@@ -67,6 +71,8 @@ class Config(Listening):
     originals: OriginalsSettings = field(default_factory=OriginalsSettings)
     tiles: TileSettings = field(default_factory=TileSettings)
     log: LogSettings = field(default_factory=LogSettings)
+    # Where settings come from that are set, by their dotted names; no setting itself.
+    origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False, metadata={"setting": False})
 
     def __post_init__(self) -> None:
         if self.scale not in (1, 0.5, 0.25):
@@ -108,6 +114,31 @@ class Config(Listening):
     def reduction(self) -> int:
         """Integer factor by which frames are reduced."""
         return round(1 / self.scale)
+
+
+def changed(config: Config) -> Iterator[str]:
+    """The settings that are not the defaults, each with the place that it comes from where that is known."""
+    yield from _differences(config, Config(), config.origins)
+
+
+def _differences(settings: Any, defaults: Any, origins: Mapping[str, str], before: str = "") -> Iterator[str]:
+    for name in fields_of(settings):
+        value, default, whole = getattr(settings, name), getattr(defaults, name), f"{before}{name}"
+        if dataclasses.is_dataclass(value):
+            yield from _differences(value, default, origins, f"{whole}.")
+        elif value != default:
+            yield f"{whole}={value!r}{f' ({origins[whole]})' if whole in origins else ''}"
+
+
+def configured(given: Path | None) -> Config:
+    """The defaults, overridden by the user's file, by the one that is given, and by the environment. Raises UsageError."""
+    config, origins = settings_of(Config, given)
+    return dataclasses.replace(config, origins=origins)
+
+
+def told_by(config: Config, names: Iterable[str], where: str) -> Config:
+    """A copy in which settings are known to come from somewhere."""
+    return dataclasses.replace(config, origins={**config.origins, **dict.fromkeys(names, where)})
 
 
 def load_config(path: Path) -> Config:

@@ -4,6 +4,6 @@ A hint is never a filter: nothing on the map is hidden, reordered or painted oth
 process of its own beside the page, which reads the flight's ledger and originals and writes `hints.sqlite`; what was
 dismissed is kept with the notes.
 
-May import `processes`, `views`, `store`, `render`, `stitch.camera`, `stitch.arrays` and `errors`; called by `web`, its settings
-also by `config` and `cli`.
+May import `processes`, `extensions`, `views`, `store`, `render`, `stitch.camera`, `stitch.arrays` and `errors`; called by
+`web`, its settings also by `config` and `cli`.
 """

@@ -7,7 +7,7 @@ The input is (1, 3, height, width) float32, red first, 0 to 1; a picture is cut 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,8 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.extensions import load, trouble
+from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.stitch.arrays import AnyImage, Array, ImageBGR
 from gcs_mosaic.stitch.features.onnx_check import read_model, trouble_of
 
@@ -90,6 +92,42 @@ class Detector:
         boxes = _boxes(output)
         sure = boxes[boxes[:, 4] >= self._confidence]
         return sure[np.argsort(-sure[:, 4], kind="stable")[:MOST_ASKED]]
+
+
+class ExtensionDetector:
+    """A detector of another package. Raises UsageError for whatever it raises itself, and for what is no answer."""
+
+    def __init__(self, name: str, confidence: float) -> None:
+        self._name = name
+        make = load("detectors", name)
+        self._detector = self._tried(lambda: make(confidence), "cannot be made")
+
+    def find(self, picture: ImageBGR) -> list[Detection]:
+        """What it finds in a picture (h, w, 3), the surest first."""
+        found = self._tried(lambda: [_detection(*one) for one in self._detector.find(picture)], "has failed")
+        return sorted(found, key=lambda one: -one.confidence)[:MOST_BOXES]
+
+    def _tried(self, attempt: Callable[[], Any], what: str) -> Any:
+        try:
+            return attempt()
+        except Exception as error:
+            raise UsageError(f"hints: {trouble('detectors', self._name, what, error)}") from error
+
+
+def detector_of(settings: HintSettings) -> Detector | ExtensionDetector | None:
+    """The detector that the settings name. Raises UsageError for one that cannot be used."""
+    if settings.detector is not None:
+        return ExtensionDetector(settings.detector, settings.confidence)
+    return Detector(Path(settings.model), settings.confidence) if settings.model else None
+
+
+def _detection(left: float, top: float, width: float, height: float, confidence: float, label: int) -> Detection:
+    if not np.isfinite([left, top, width, height, confidence]).all() or width <= 0 or height <= 0:
+        raise ValueError(f"{left, top, width, height, confidence} is no box with a confidence")
+    sure = min(float(confidence), 1.0)
+    return Detection(
+        left=float(left), top=float(top), width=float(width), height=float(height), confidence=sure, label=int(label)
+    )
 
 
 def _session(path: Path) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.anomalies import Appearance, Blob, appearance, blobs
-from gcs_mosaic.hints.detector import Detector
+from gcs_mosaic.hints.detector import detector_of
 from gcs_mosaic.hints.hint_file import FoundThing, HintFile, KnownHint
 from gcs_mosaic.hints.hint_places import hint_places
 from gcs_mosaic.hints.other_looks import UNJUDGED, OtherLooks
@@ -68,7 +68,7 @@ class Seeker:
         self._searched = self._file.searched()
         self._known_colours: frozenset[int] | None = None
         self._since_forgotten = 0
-        self._detector = Detector(Path(settings.model), settings.confidence) if settings.model else None
+        self._detector = detector_of(settings)
 
     def close(self) -> None:
         self._file.close()

@@ -12,10 +12,13 @@ class HintSettings:
     enabled: bool = False
     per_minute: float = 20.0  # of flight, of each kind: about what a person can look at
     model: str | None = None  # ONNX file of a detector; needs `pip install gcs-mosaic[detector]`
+    detector: str | None = None  # an installed extension's, by its name, in the place of a model
     confidence: float = 0.3  # least confidence of what the detector finds
     megapixels: float = 4.0  # frames are reduced to at most so many before anything is sought in them
 
     def __post_init__(self) -> None:
+        if self.model is not None and self.detector is not None:
+            raise ValueError("detector: expected a model or a detector, got both")
         if not 0 < self.per_minute <= 1000:
             raise ValueError(f"per_minute: expected 0 to 1000, got {self.per_minute:g}")
         if not 0 < self.confidence <= 1:
