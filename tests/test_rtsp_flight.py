@@ -108,7 +108,9 @@ def test_every_trigger_gets_its_frame_of_the_stream(tmp_path: Path, slides: Show
         assert np.abs(image.astype(int) - slide).mean() < 12  # another slide is off by 30 and more
     assert (watch["kind"], watch["folder"]) == ("stream", f"rtsp://127.0.0.1:{slides.camera.port}/camera")
     assert (watch["damaged"], watch["gaps"]) == (0, 0)
-    assert watch["seen"] > 2 * len(slides.pictures)  # of a stream more is seen than taken; how much depends on the machine
+    assert watch["seen"] > 2 * len(
+        slides.pictures
+    )  # of a stream more is seen than taken; how much depends on the machine
     assert "rtsp://192.0.2.7/main, of which the aircraft tells, is not in stream: allowed_hosts" in flight.said
     assert not (tmp_path / "frames").exists()
     written = [path for path in tmp_path.rglob("*") if path.is_file() and path.suffix not in (".jpg", ".png")]

@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.web import app
+from tests.web.answers import complaints, every_answer_is_as_described
+
+__all__ = ["complaints", "every_answer_is_as_described"]
 
 
 @pytest.fixture(scope="session")

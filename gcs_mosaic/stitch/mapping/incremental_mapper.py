@@ -23,7 +23,9 @@ from gcs_mosaic.stitch.transaction import EachWhole, attempt
 
 WAITING_TRIES = 2  # waiting frames, or lone founders, that a newly placed frame is matched with
 BRIDGE_TRIES = 3  # frames of other islands that a newly placed one is matched with
-OUTDONE = 8.0  # times the evidence of its link to a placed frame: with so much more for a waiting one, a frame joins that
+OUTDONE = (
+    8.0  # times the evidence of its link to a placed frame: with so much more for a waiting one, a frame joins that
+)
 OUTDONE_TRIES = 1  # waiting frames that a frame is matched with for that
 
 NO_SECOND_LOOK = SecondLookSettings(megapixels=0)
