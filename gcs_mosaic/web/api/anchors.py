@@ -90,6 +90,7 @@ class PinnedIsland:
     island: int
     by: Literal["pins"]
     pins: Annotated[Sequence[int], "ids of those on it"]
+    refused: None
     anchor: AnchorAnswer
     checked: Annotated[bool, "whether more is known than it takes, and agrees"]
     fits: bool
@@ -106,6 +107,7 @@ class PositionedIsland:
     island: int
     by: Literal["positions"]
     pins: Annotated[Sequence[int], "ids of those on it"]
+    refused: None
     anchor: AnchorAnswer
     checked: bool
     lag_s: Annotated[float, "how long after the shutter a position is measured"]
@@ -347,6 +349,7 @@ def _by_pins(island: int, pins: Sequence[int], result: PinnedMap) -> PinnedIslan
         island=island,
         by="pins",
         pins=pins,
+        refused=None,
         anchor=_anchor(result.anchor),
         checked=result.is_checked,
         fits=result.fits,
@@ -362,6 +365,7 @@ def _by_positions(island: int, pins: Sequence[int], result: PositionedMap) -> Po
         island=island,
         by="positions",
         pins=pins,
+        refused=None,
         anchor=_anchor(result.anchor),
         checked=True,
         lag_s=result.lag_s,
