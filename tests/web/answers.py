@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from fnmatch import fnmatch
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 import pytest
 from aiohttp import web
@@ -13,8 +15,10 @@ from aiohttp.typedefs import Handler
 from jsonschema import Draft202012Validator
 
 from gcs_mosaic.web.api.openapi import description
-from gcs_mosaic.web.api.operations import DECLARED, Operation
+from gcs_mosaic.web.api.operations import DECLARED, PARAMETER, Operation
+from gcs_mosaic.web.api.routes import ROOMS
 from gcs_mosaic.web.app import make_app
+from gcs_mosaic.web.maps.routes import PROTOCOLS
 
 MakeApp = Callable[..., web.Application]
 
@@ -95,19 +99,23 @@ async def _faults(described: Described, request: web.Request, response: web.Stre
     return [f"{method} {path}: {fault}" for fault in found]
 
 
-@pytest.fixture(scope="session", autouse=True)
-def complaints() -> Iterator[list[str]]:
-    """What was answered otherwise than it is described, of all servers."""
+def judged() -> Iterator[list[str]]:
+    """As long as it is held, what servers of this process answer otherwise than they describe it."""
     found: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gcs_mosaic.web.server.make_app", judging(make_app, found))
         yield found
 
 
-@pytest.fixture(autouse=True)
-def every_answer_is_as_described(complaints: list[str]) -> Iterator[None]:
-    """Also what a browser asked of a server that several tests share."""
-    yield
-    found, complaints[:] = sorted(set(complaints)), []
-    if found:
-        pytest.fail("\n".join(found))
+def faults_at(url: str, status: int, media_type: str, body: bytes) -> list[str]:
+    """Of an answer that another process has given to GET."""
+    every = [one for room in (*ROOMS, *PROTOCOLS) for one in room.OPERATIONS]
+    path = unquote(urlsplit(url).path)
+    asked = (one for one in every if one.method == "GET" and re.fullmatch(_pattern(one), path))
+    return [fault for one in asked for fault in Described(every).faults("GET", one.canonical, status, media_type, body)]
+
+
+def _pattern(one: Operation) -> str:
+    """Of its addresses."""
+    texts = re.split(PARAMETER.pattern, one.path)
+    return "".join(f"(?:{text})" if at % 3 == 2 else re.escape(text) for at, text in enumerate(texts) if at % 3 != 1)

@@ -19,7 +19,7 @@ from gcs_mosaic.web.api.openapi import description
 from gcs_mosaic.web.api.operations import DECLARED, Operation
 from gcs_mosaic.web.api.schema import Schemas
 from gcs_mosaic.web.app import make_app
-from tests.web.answers import Described
+from tests.web.answers import Described, faults_at
 
 ABSENT: dict[str, Any] = {"name": "a.jpg", "state": "waiting", "reason": "", "island": 0, "place": [1.5, 2]}
 SENT: dict[str, Any] = {"from": [1, 2], "share": 0.5, "who": "Kim"}
@@ -90,6 +90,13 @@ def test_a_field_that_is_missing_and_other_kinds_and_states_are_found(operations
     ]
     assert described.faults("GET", "/api/v1/absent", 200, "text/plain", b"") != []
     assert described.faults("GET", "/api/v1/absent", 418, "application/json", b"") == ["418 is not described"]
+
+
+def test_an_answer_of_another_process_is_found_by_its_address() -> None:
+    page = "http://127.0.0.1:1"
+    assert faults_at(f"{page}/api/v1/finds.csv", 200, "text/csv", b"") == []
+    assert len(faults_at(f"{page}/api/v1/frames/7/crop.jpg?x=1", 200, "image/png", b"")) == 1
+    assert len(faults_at(f"{page}/api/v1/hints/", 200, "image/png", b"")) == 0  # there is no such address
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from aiohttp import web
 
@@ -78,10 +78,20 @@ class Operation:
         return self.method != "GET"
 
 
+class Told(TypedDict, total=False):
+    """What else is told of an operation."""
+
+    query: type | None
+    body: type | None
+    failures: Failures
+    headers: Mapping[str, str]
+    about: Mapping[str, str]
+
+
 class Operations(list[Operation]):
     """Those of a module."""
 
-    def add(self, method: str, path: str, answer: Answer, **told: Any) -> Callable[[Handler], Handler]:
+    def add(self, method: str, path: str, answer: Answer, **told: Unpack[Told]) -> Callable[[Handler], Handler]:
         """Declare what the handler answers; `told` as in `Operation`."""
 
         def declare(handler: Handler) -> Handler:
