@@ -71,12 +71,16 @@ def _bounded(told: Any, name: str, kind: Any, limits: Limits) -> Any:
         return text_of(told, name, limits.longest or LONGEST, lines=limits.lines, needed=bool(limits.shortest))
     if kind is int:
         return whole_of(told, name, math.ceil(least), math.floor(most))
-    return number_of(told, name, least, most) if kind is float else told
+    if kind is float:
+        return number_of(told, name, least, most)
+    if kind is bool or get_origin(kind) is Literal:
+        return told
+    raise TypeError(f"{name}: nobody knows how to check {kind!r}")
 
 
 def _several(told: Any, name: str, kinds: tuple[Any, ...], limits: Limits) -> tuple[Any, ...]:
     if not isinstance(told, list | tuple) or len(told) != len(kinds):
-        raise Unfit(f"{name} is to be {COUNTS[len(kinds)]} {'whole numbers' if kinds[0] is int else 'numbers'}.")
+        raise Unfit(f"{name} is to be {COUNTS[len(kinds)]} {'whole numbers' if plain(kinds[0]) is int else 'numbers'}.")
     return tuple(value_of(one, name, kind, limits) for one, kind in zip(told, kinds, strict=True))
 
 

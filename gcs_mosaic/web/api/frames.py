@@ -29,6 +29,7 @@ FRAME = f"{BASE}/frames/{{frame:[0-9]{{1,9}}}}"
 
 
 OPERATIONS = Operations()
+Far = Annotated[float, Limits(least=-1e9, most=1e9)]
 NO_PICTURE = {404: "There is no such frame, or no picture of it."}
 JPEG = Media(("image/jpeg",))
 FILE = Media(("application/octet-stream", "image/*"))
@@ -39,8 +40,8 @@ SHOWN = Media(("image/*",))
 class PlaceQuery:
     """A place on an island's canvas."""
 
-    x: Annotated[float, "canvas units"]
-    y: float
+    x: Annotated[Far, "canvas units"]
+    y: Far
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +55,8 @@ class PictureQuery:
 class CropQuery:
     """A square about a pixel."""
 
-    x: Annotated[float, "pixel of the original"]
-    y: float
+    x: Annotated[Far, "pixel of the original"]
+    y: Far
     side: Annotated[int, Limits(least=16, most=LARGEST_CROP), "px"]
 
 

@@ -135,6 +135,6 @@ def reading(handler: Handler) -> Handler:
         except Unfit as error:
             raise bad(str(error)) from error
         except NoSuchNote as error:
-            raise missing("There is nothing of that number.") from error
+            raise missing(NO_NUMBER[404]) from error
 
     return checked
