@@ -22,7 +22,7 @@ from gcs_mosaic.notes.told import PlaceAnswer, place_answer
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Canvas, IslandNumber, Notes, PlacedBody, bound, id_of
-from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Answer, Operations
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 from gcs_mosaic.web.api.schema import told_of
 
 PIN = BASE + r"/pins/{id:[0-9]{1,9}}"
@@ -211,7 +211,7 @@ class CanvasAnswer:
     places: Sequence[CanvasSpot]
 
 
-@OPERATIONS.add("GET", f"{BASE}/anchors", Answer("The anchors.", AnchorsAnswer, tagged=True), failures=NO_NOTES)
+@OPERATIONS.add("GET", f"{BASE}/anchors", Reply("The anchors.", AnchorsAnswer, tagged=True), failures=NO_NOTES)
 async def every(request: web.Request) -> web.StreamResponse:
     """How each island lies on earth, or why it does not, and the pins."""
     notes = request.app[NOTES]
@@ -225,7 +225,7 @@ async def every(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "PUT",
     f"{BASE}/anchors/positions",
-    Answer("As it is kept.", ByPositionsAnswer),
+    Reply("As it is kept.", ByPositionsAnswer),
     body=PositionsBody,
     failures=NO_NOTES,
 )
@@ -236,9 +236,7 @@ async def ask_for_positions(request: web.Request) -> web.StreamResponse:
     return answer(ByPositionsAnswer(by_positions=told.asked))
 
 
-@OPERATIONS.add(
-    "POST", f"{BASE}/pins", Answer("It is on the disk.", PinAnswer, 201), body=NewPinBody, failures=NO_NOTES
-)
+@OPERATIONS.add("POST", f"{BASE}/pins", Reply("It is on the disk.", PinAnswer, 201), body=NewPinBody, failures=NO_NOTES)
 async def create(request: web.Request) -> web.StreamResponse:
     """Say the coordinate of a place of the map (island, x, y), or of an original's pixel (frame, pixel)."""
     told, notes = await asked_body(request, NewPinBody), request.app[NOTES]
@@ -259,13 +257,13 @@ async def create(request: web.Request) -> web.StreamResponse:
     return answer(await in_thread(request, _pin, notes, pin), 201)
 
 
-@OPERATIONS.add("DELETE", PIN, Answer("The pin.", PinAnswer), failures=NO_NUMBER | NO_NOTES)
+@OPERATIONS.add("DELETE", PIN, Reply("The pin.", PinAnswer), failures=NO_NUMBER | NO_NOTES)
 async def delete(request: web.Request) -> web.StreamResponse:
     """Delete a pin, which lays nothing any more; it can be restored."""
     return await _set_deleted(request, deleted=True)
 
 
-@OPERATIONS.add("POST", f"{PIN}/restore", Answer("The pin.", PinAnswer), failures=NO_NUMBER | NO_NOTES)
+@OPERATIONS.add("POST", f"{PIN}/restore", Reply("The pin.", PinAnswer), failures=NO_NUMBER | NO_NOTES)
 async def restore(request: web.Request) -> web.StreamResponse:
     """Undo a deletion."""
     return await _set_deleted(request, deleted=False)
@@ -274,7 +272,7 @@ async def restore(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{BASE}/coordinates",
-    Answer("The coordinate.", CoordinatesAnswer, tagged=True),
+    Reply("The coordinate.", CoordinatesAnswer, tagged=True),
     query=CoordinatesQuery,
     failures=NO_NOTES,
 )
@@ -289,7 +287,7 @@ async def coordinates(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{BASE}/canvas",
-    Answer("The places.", CanvasAnswer, tagged=True),
+    Reply("The places.", CanvasAnswer, tagged=True),
     query=CanvasQuery,
     failures=NO_NOTES,
 )

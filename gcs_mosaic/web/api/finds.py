@@ -26,7 +26,7 @@ from gcs_mosaic.notes.told import GeoPlace, PlaceAnswer, PlacedFind, place_answe
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Notes, PlacedBody, bound, id_of
-from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Answer, Failures, Media, Operations
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Failures, Media, Operations, Reply
 from gcs_mosaic.web.guard import POLICY
 
 ONE = BASE + r"/finds/{id:[0-9]{1,9}}"
@@ -115,7 +115,7 @@ class FindsAnswer:
 
 
 OUTDATED: Failures = {
-    409: Answer("Somebody else has changed it: what it has become.", FindAnswer),
+    409: Reply("Somebody else has changed it: what it has become.", FindAnswer),
     428: "The revision that is changed is to be given.",
     **NO_NUMBER,
     **NO_NOTES,
@@ -123,7 +123,7 @@ OUTDATED: Failures = {
 
 
 @OPERATIONS.add(
-    "GET", f"{BASE}/finds", Answer("The finds.", FindsAnswer, tagged=True), query=FindsQuery, failures=NO_NOTES
+    "GET", f"{BASE}/finds", Reply("The finds.", FindsAnswer, tagged=True), query=FindsQuery, failures=NO_NOTES
 )
 async def every(request: web.Request) -> web.StreamResponse:
     """All finds, where they lie now."""
@@ -134,7 +134,7 @@ async def every(request: web.Request) -> web.StreamResponse:
     return told_anew(request, FindsAnswer(revision=revision, finds=[_told(one) for one in shown]))
 
 
-@OPERATIONS.add("GET", ONE, Answer("The find.", FindAnswer, tagged=True), failures=NO_NUMBER | NO_NOTES)
+@OPERATIONS.add("GET", ONE, Reply("The find.", FindAnswer, tagged=True), failures=NO_NUMBER | NO_NOTES)
 async def single(request: web.Request) -> web.StreamResponse:
     """One find, deleted or not."""
     notes = request.app[NOTES]
@@ -143,7 +143,7 @@ async def single(request: web.Request) -> web.StreamResponse:
 
 
 @OPERATIONS.add(
-    "POST", f"{BASE}/finds", Answer("It is on the disk.", FindAnswer, 201), body=NewFindBody, failures=NO_NOTES
+    "POST", f"{BASE}/finds", Reply("It is on the disk.", FindAnswer, 201), body=NewFindBody, failures=NO_NOTES
 )
 async def create(request: web.Request) -> web.StreamResponse:
     """Set a find on the map (island, x, y), or in an original (frame, pixel)."""
@@ -165,7 +165,7 @@ async def create(request: web.Request) -> web.StreamResponse:
 
 
 @OPERATIONS.add(
-    "PATCH", ONE, Answer("It is on the disk.", FindAnswer), body=FindEditBody, headers=IF_MATCH, failures=OUTDATED
+    "PATCH", ONE, Reply("It is on the disk.", FindAnswer), body=FindEditBody, headers=IF_MATCH, failures=OUTDATED
 )
 async def edit(request: web.Request) -> web.StreamResponse:
     """Change texts or place of a find that is at `revision`."""
@@ -182,7 +182,7 @@ async def edit(request: web.Request) -> web.StreamResponse:
 
 
 @OPERATIONS.add(
-    "DELETE", ONE, Answer("It is deleted.", FindAnswer), body=FindChangeBody, headers=IF_MATCH, failures=OUTDATED
+    "DELETE", ONE, Reply("It is deleted.", FindAnswer), body=FindChangeBody, headers=IF_MATCH, failures=OUTDATED
 )
 async def delete(request: web.Request) -> web.StreamResponse:
     """Delete; can be restored."""
@@ -193,7 +193,7 @@ async def delete(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "POST",
     f"{ONE}/restore",
-    Answer("It is there again.", FindAnswer),
+    Reply("It is there again.", FindAnswer),
     body=FindChangeBody,
     headers=IF_MATCH,
     failures=OUTDATED,
@@ -207,7 +207,7 @@ async def restore(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     BASE + r"/finds.{format:(geojson|csv|kml|html)}",
-    Answer("The file. Without an anchor places are canvas units.", FILES),
+    Reply("The file. Without an anchor places are canvas units.", FILES),
     failures=NO_NOTES,
 )
 async def exported(request: web.Request) -> web.StreamResponse:

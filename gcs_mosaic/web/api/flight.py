@@ -14,7 +14,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
 from gcs_mosaic.web.api.openapi import description
-from gcs_mosaic.web.api.operations import DECLARED, Answer, Operations
+from gcs_mosaic.web.api.operations import DECLARED, Operations, Reply
 
 logger = logging.getLogger(__name__)
 
@@ -52,14 +52,14 @@ class AbsentShotAnswer:
     place: Annotated[tuple[float, float] | None, "on the island's canvas"]
 
 
-@OPERATIONS.add("GET", BASE, Answer("The flight.", FlightAnswer))
+@OPERATIONS.add("GET", BASE, Reply("The flight.", FlightAnswer))
 async def about(request: web.Request) -> web.StreamResponse:
     """Versions, and what the flight has come to."""
     table = await in_thread(request, request.app[VIEW].table)
     return answer(FlightAnswer(api=1, program=_program(), revision=table.revision, frames=len(table.frames)))
 
 
-@OPERATIONS.add("GET", f"{BASE}/absent", Answer(ABSENT, AbsentAnswer, tagged=True))
+@OPERATIONS.add("GET", f"{BASE}/absent", Reply(ABSENT, AbsentAnswer, tagged=True))
 async def absent(request: web.Request) -> web.StreamResponse:
     """Shots that are not on the map, why, and where they should be: between those that were taken just before and after."""
     try:
@@ -70,7 +70,7 @@ async def absent(request: web.Request) -> web.StreamResponse:
     return told_anew(request, AbsentAnswer(absent=shots))
 
 
-@OPERATIONS.add("GET", f"{BASE}/openapi.json", Answer("OpenAPI 3.1.", dict, tagged=True))
+@OPERATIONS.add("GET", f"{BASE}/openapi.json", Reply("OpenAPI 3.1.", dict, tagged=True))
 async def described(request: web.Request) -> web.StreamResponse:
     """This description."""
     return told_anew(request, await in_thread(request, description, request.app[DECLARED]))

@@ -17,7 +17,7 @@ from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, or
 from gcs_mosaic.views.sightings import Sighting, sightings
 from gcs_mosaic.web.api.asked import asked_query
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.api.schema import fields_of
 
 LARGEST_CROP = 1024  # px
@@ -93,7 +93,7 @@ def keep_pieces(app: web.Application) -> None:
 @OPERATIONS.add(
     "GET",
     f"{ISLAND}/sightings",
-    Answer("The frames, each with the pixel of its original.", SightingsAnswer),
+    Reply("The frames, each with the pixel of its original.", SightingsAnswer),
     query=PlaceQuery,
 )
 async def who_saw(request: web.Request) -> web.StreamResponse:
@@ -107,7 +107,7 @@ async def who_saw(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FRAME}/picture",
-    Answer("A picture that browsers show.", SHOWN, tagged=True),
+    Reply("A picture that browsers show.", SHOWN, tagged=True),
     query=PictureQuery,
     failures=NO_PICTURE,
 )
@@ -133,7 +133,7 @@ async def shown(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FRAME}/pieces/{{column:[0-9]{{1,4}}}}/{{row:[0-9]{{1,4}}}}.jpg",
-    Answer("A piece; smaller at the borders.", JPEG, tagged=True),
+    Reply("A piece; smaller at the borders.", JPEG, tagged=True),
     failures=NO_PICTURE,
 )
 async def piece(request: web.Request) -> web.StreamResponse:
@@ -156,7 +156,7 @@ async def piece(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FRAME}/crop.jpg",
-    Answer("The square, moved to lie within the frame.", JPEG, tagged=True),
+    Reply("The square, moved to lie within the frame.", JPEG, tagged=True),
     query=CropQuery,
     failures=NO_PICTURE,
 )
@@ -179,7 +179,7 @@ async def crop(request: web.Request) -> web.StreamResponse:
     return web.Response(body=data, content_type="image/jpeg", headers=headers)
 
 
-@OPERATIONS.add("GET", f"{FRAME}/original", Answer("The file as it came.", FILE), failures=NO_PICTURE)
+@OPERATIONS.add("GET", f"{FRAME}/original", Reply("The file as it came.", FILE), failures=NO_PICTURE)
 async def download(request: web.Request) -> web.StreamResponse:
     """The original file under its own name."""
     source = await _source(request)

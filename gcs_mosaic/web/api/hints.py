@@ -26,7 +26,7 @@ from gcs_mosaic.views.sightings import sightings
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, PlacedBody, id_of
-from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Answer, Operations
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 from gcs_mosaic.web.hint_keeper import HintKeeper, State
 
 PATH = f"{BASE}/hints"
@@ -158,7 +158,7 @@ def add_hints(app: web.Application, settings: HintSettings) -> None:
     app.cleanup_ctx.append(_kept)
 
 
-@OPERATIONS.add("GET", PATH, Answer("The hints, where they lie now.", HintsAnswer, tagged=True), failures=NO_NOTES)
+@OPERATIONS.add("GET", PATH, Reply("The hints, where they lie now.", HintsAnswer, tagged=True), failures=NO_NOTES)
 async def every(request: web.Request) -> web.StreamResponse:
     """Whether hints are sought, how far that has come, and what may be worth a look, the oddest first."""
     notes, keeper = request.app[NOTES], request.app[KEEPER]
@@ -177,7 +177,7 @@ async def every(request: web.Request) -> web.StreamResponse:
     return told_anew(request, told)
 
 
-@OPERATIONS.add("POST", PATH, Answer("It is so.", SwitchedAnswer), body=SwitchBody, failures=NO_NOTES)
+@OPERATIONS.add("POST", PATH, Reply("It is so.", SwitchedAnswer), body=SwitchBody, failures=NO_NOTES)
 async def switch(request: web.Request) -> web.StreamResponse:
     """Seek hints, or do not, for everybody."""
     asked, notes = await asked_body(request, SwitchBody), request.app[NOTES]
@@ -186,7 +186,7 @@ async def switch(request: web.Request) -> web.StreamResponse:
     return answer(SwitchedAnswer(on=asked.on))
 
 
-@OPERATIONS.add("POST", COLOURS, Answer("It is sought.", PickedColourAnswer, 201), body=ColourBody, failures=NO_NOTES)
+@OPERATIONS.add("POST", COLOURS, Reply("It is sought.", PickedColourAnswer, 201), body=ColourBody, failures=NO_NOTES)
 async def pick(request: web.Request) -> web.StreamResponse:
     """Seek a colour everywhere: given, or that of a place of the map or of an original."""
     asked, notes = await asked_body(request, ColourBody), request.app[NOTES]
@@ -197,7 +197,7 @@ async def pick(request: web.Request) -> web.StreamResponse:
 
 
 @OPERATIONS.add(
-    "DELETE", ONE_COLOUR, Answer("It is not sought any more.", ColourIdAnswer), failures=NO_NUMBER | NO_NOTES
+    "DELETE", ONE_COLOUR, Reply("It is not sought any more.", ColourIdAnswer), failures=NO_NUMBER | NO_NOTES
 )
 async def take_away(request: web.Request) -> web.StreamResponse:
     """Seek a colour no more."""

@@ -12,7 +12,7 @@ from gcs_mosaic.notes.dismissed import HINT, DismissedHint, HintKey
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, answer, missing, told_anew
 from gcs_mosaic.web.api.notes import NOTES
-from gcs_mosaic.web.api.operations import NO_NOTES, Answer, Operations
+from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
 
 PATH = f"{BASE}/hints/dismissed"
 OPERATIONS = Operations()
@@ -41,7 +41,7 @@ class HintKeyAnswer:
     hint: HintKey
 
 
-@OPERATIONS.add("GET", PATH, Answer("The hints.", DismissedAnswer, tagged=True), failures=NO_NOTES)
+@OPERATIONS.add("GET", PATH, Reply("The hints.", DismissedAnswer, tagged=True), failures=NO_NOTES)
 async def every(request: web.Request) -> web.StreamResponse:
     """The hints that were dismissed, with who and when."""
     notes = request.app[NOTES]
@@ -49,7 +49,7 @@ async def every(request: web.Request) -> web.StreamResponse:
     return told_anew(request, DismissedAnswer(revision=revision, dismissed=hints))
 
 
-@OPERATIONS.add("POST", PATH, Answer("It is dismissed.", HintKeyAnswer), body=DismissalBody, failures=NO_NOTES)
+@OPERATIONS.add("POST", PATH, Reply("It is dismissed.", HintKeyAnswer), body=DismissalBody, failures=NO_NOTES)
 async def dismiss(request: web.Request) -> web.StreamResponse:
     """Dismiss a hint."""
     asked, notes = await asked_body(request, DismissalBody), request.app[NOTES]
@@ -60,7 +60,7 @@ async def dismiss(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "DELETE",
     f"{PATH}/{{hint:{HINT.pattern}}}",
-    Answer("It is back.", HintKeyAnswer),
+    Reply("It is back.", HintKeyAnswer),
     failures={404: "That hint was not dismissed."} | NO_NOTES,
 )
 async def bring_back(request: web.Request) -> web.StreamResponse:

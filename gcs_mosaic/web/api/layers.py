@@ -14,7 +14,7 @@ from gcs_mosaic.views.coverage import footprint_of
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.layers import LAYERS, LayerLegend, LayerTiles, area_words, is_possible, legend
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.tile_answer import tile_answer
 
 MOST_GAPS = 200  # the largest
@@ -55,7 +55,7 @@ def keep_tiles(app: web.Application) -> None:
     app[TILES] = LayerTiles(app[VIEW])
 
 
-@OPERATIONS.add("GET", f"{BASE}/layers", Answer("The layers.", LayersAnswer))
+@OPERATIONS.add("GET", f"{BASE}/layers", Reply("The layers.", LayersAnswer))
 async def layers(_request: web.Request) -> web.StreamResponse:
     """The layers there are, with their legends."""
     return answer(LayersAnswer(layers=[legend(layer) for layer in LAYERS.values()]))
@@ -64,7 +64,7 @@ async def layers(_request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     LAYER_TILE,
-    Answer("256 x 256 px with alpha.", Media(("image/png",)), tagged=True),
+    Reply("256 x 256 px with alpha.", Media(("image/png",)), tagged=True),
     failures={404: "There is no such layer or tile."},
 )
 async def layer_tile(request: web.Request) -> web.StreamResponse:
@@ -78,7 +78,7 @@ async def layer_tile(request: web.Request) -> web.StreamResponse:
 
 
 @OPERATIONS.add(
-    "GET", f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/gaps", Answer("The gaps, on the island's canvas.", GapsAnswer)
+    "GET", f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/gaps", Reply("The gaps, on the island's canvas.", GapsAnswer)
 )
 async def gaps(request: web.Request) -> web.StreamResponse:
     """Ground inside the flown area that nobody has seen, the largest first."""

@@ -14,7 +14,7 @@ from gcs_mosaic.geo.mercator import FINEST_LEVEL
 from gcs_mosaic.geotiles.earth_islands import EarthIsland
 from gcs_mosaic.web.address import HttpAddress, is_number, split_host, url_of
 from gcs_mosaic.web.api.common import BASE, in_thread, missing, told_anew
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.choosing import ACCESS
 from gcs_mosaic.web.invitation import invitation
 from gcs_mosaic.web.maps.addresses import MapAddresses
@@ -79,7 +79,7 @@ class MapsForOthersAnswer:
 @OPERATIONS.add(
     "GET",
     f"{BASE}/maps",
-    Answer("The map for other programs.", MapsForOthersAnswer, tagged=True),
+    Reply("The map for other programs.", MapsForOthersAnswer, tagged=True),
     failures={503: "The notes, which hold the anchors, cannot be read now."},
 )
 async def maps(request: web.Request) -> web.StreamResponse:
@@ -108,7 +108,7 @@ async def maps(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{BASE}/maps/codes/{{name:[a-z_]{{1,20}}}}.svg",
-    Answer("The code.", Media(("image/svg+xml",))),
+    Reply("The code.", Media(("image/svg+xml",))),
     about={"name": "One of the names of `addresses`."},
     failures={404: "There is no such address.", 503: "The notes, which hold the anchors, cannot be read now."},
 )
@@ -125,7 +125,7 @@ async def code(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{BASE}/underlay/{TILE}",
-    Answer("The tile.", Media(("image/jpeg", "image/png")), tagged=True),
+    Reply("The tile.", Media(("image/jpeg", "image/png")), tagged=True),
     failures={404: "The settings name no underlay, or nothing of that number."},
 )
 async def underlay_tile(request: web.Request) -> web.StreamResponse:

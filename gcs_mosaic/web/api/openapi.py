@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from gcs_mosaic.web.api.common import LARGEST_BODY
-from gcs_mosaic.web.api.operations import PARAMETER, Answer, Failures, Media, Operation
+from gcs_mosaic.web.api.operations import PARAMETER, Failures, Media, Operation, Reply
 from gcs_mosaic.web.api.schema import Schema, Schemas
 
 ABOUT = (
@@ -16,7 +16,7 @@ ABOUT = (
 )
 ALWAYS: Failures = {
     400: "What was sent is unfit, in a sentence.",
-    401: Answer("Whoever asks has not brought the token.", Media(("text/html",))),
+    401: Reply("Whoever asks has not brought the token.", Media(("text/html",))),
     403: "The Host header names another server.",
     429: "Too many wrong tokens have come from this address.",
 }
@@ -55,20 +55,20 @@ def _operation(one: Operation, schemas: Schemas) -> dict[str, Any]:
     return told | {"responses": {str(status): _response(told, schemas) for status, told in answers_of(one).items()}}
 
 
-def answers_of(one: Operation) -> dict[int, Answer]:
+def answers_of(one: Operation) -> dict[int, Reply]:
     """All that may be answered, by status."""
     said: Failures = {
         **ALWAYS,
         **(WRITING if one.changes_something else {}),
         **(SENDING if one.body is not None else {}),
-        **({304: Answer("Known already, by If-None-Match.", None)} if one.answer.tagged else {}),
+        **({304: Reply("Known already, by If-None-Match.", None)} if one.answer.tagged else {}),
         **one.failures,
         one.answer.status: one.answer,
     }
-    return {status: Answer(told) if isinstance(told, str) else told for status, told in sorted(said.items())}
+    return {status: Reply(told) if isinstance(told, str) else told for status, told in sorted(said.items())}
 
 
-def _response(answer: Answer, schemas: Schemas) -> dict[str, Any]:
+def _response(answer: Reply, schemas: Schemas) -> dict[str, Any]:
     told: dict[str, Any] = {"description": answer.about}
     if answer.content is not None:
         told["content"] = _content(answer.content, schemas)

@@ -33,7 +33,7 @@ class Media:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Reply:
     """`content`: the type of the JSON, or Media; None for nothing. `tagged`: with an ETag, and 304 to whom knows it."""
 
     about: str
@@ -42,7 +42,7 @@ class Answer:
     tagged: bool = False
 
 
-Failures = Mapping[int, str | Answer]
+Failures = Mapping[int, str | Reply]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ class Operation:
     method: str
     path: str
     handler: Handler
-    answer: Answer
+    answer: Reply
     query: type | None = None
     body: type | None = None
     failures: Failures = field(default_factory=dict)
@@ -91,7 +91,7 @@ class Told(TypedDict, total=False):
 class Operations(list[Operation]):
     """Those of a module."""
 
-    def add(self, method: str, path: str, answer: Answer, **told: Unpack[Told]) -> Callable[[Handler], Handler]:
+    def add(self, method: str, path: str, answer: Reply, **told: Unpack[Told]) -> Callable[[Handler], Handler]:
         """Declare what the handler answers; `told` as in `Operation`."""
 
         def declare(handler: Handler) -> Handler:

@@ -14,7 +14,7 @@ from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, Canvas, IslandNumber
-from gcs_mosaic.web.api.operations import NO_NOTES, Answer, Operations
+from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
 
 PATH = f"{BASE}/reviews"
 Level = Annotated[int, Limits(least=0, most=FINEST_LEVEL)]
@@ -84,7 +84,7 @@ class ReviewedAnswer:
 @OPERATIONS.add(
     "POST",
     PATH,
-    Answer("Taken in; on the disk some seconds later.", CellsAnswer, 202),
+    Reply("Taken in; on the disk some seconds later.", CellsAnswer, 202),
     body=LookBody,
     failures=NO_NOTES,
 )
@@ -97,7 +97,7 @@ async def report(request: web.Request) -> web.StreamResponse:
     return answer(CellsAnswer(cells=await notes.run(notes.reviews.report, look)), 202)
 
 
-@OPERATIONS.add("GET", PATH, Answer("The cells.", ReviewedAnswer, tagged=True), query=ReviewedQuery, failures=NO_NOTES)
+@OPERATIONS.add("GET", PATH, Reply("The cells.", ReviewedAnswer, tagged=True), query=ReviewedQuery, failures=NO_NOTES)
 async def covered(request: web.Request) -> web.StreamResponse:
     """The cells of painted ground within a box, parted by whether they were reviewed as asked."""
     notes, asked = request.app[NOTES], asked_query(request, ReviewedQuery)

@@ -16,7 +16,7 @@ from gcs_mosaic.notes.told import PlaceAnswer, place_answer
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, CanvasPoint, IslandNumber, Notes, id_of
-from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Answer, Operations
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 
 ONE = BASE + r"/scale/{id:[0-9]{1,9}}"
 OPERATIONS = Operations()
@@ -55,7 +55,7 @@ class ScaleAnswer:
     distances: Sequence[DistanceAnswer]
 
 
-@OPERATIONS.add("GET", f"{BASE}/scale", Answer("The scales.", ScaleAnswer, tagged=True), failures=NO_NOTES)
+@OPERATIONS.add("GET", f"{BASE}/scale", Reply("The scales.", ScaleAnswer, tagged=True), failures=NO_NOTES)
 async def every(request: web.Request) -> web.StreamResponse:
     """Metres of a canvas unit of each island, and the distances given."""
     notes = request.app[NOTES]
@@ -64,7 +64,7 @@ async def every(request: web.Request) -> web.StreamResponse:
 
 
 @OPERATIONS.add(
-    "POST", f"{BASE}/scale", Answer("It is on the disk.", DistanceAnswer, 201), body=NewDistanceBody, failures=NO_NOTES
+    "POST", f"{BASE}/scale", Reply("It is on the disk.", DistanceAnswer, 201), body=NewDistanceBody, failures=NO_NOTES
 )
 async def create(request: web.Request) -> web.StreamResponse:
     """Give two points of an island (canvas) and the metres between them."""
@@ -77,13 +77,13 @@ async def create(request: web.Request) -> web.StreamResponse:
     return answer(await in_thread(request, _known, notes, known), 201)
 
 
-@OPERATIONS.add("DELETE", ONE, Answer("It is deleted.", DistanceAnswer), failures=NO_NUMBER | NO_NOTES)
+@OPERATIONS.add("DELETE", ONE, Reply("It is deleted.", DistanceAnswer), failures=NO_NUMBER | NO_NOTES)
 async def delete(request: web.Request) -> web.StreamResponse:
     """Delete; the one given before holds again."""
     return await _set_deleted(request, deleted=True)
 
 
-@OPERATIONS.add("POST", f"{ONE}/restore", Answer("It holds again.", DistanceAnswer), failures=NO_NUMBER | NO_NOTES)
+@OPERATIONS.add("POST", f"{ONE}/restore", Reply("It holds again.", DistanceAnswer), failures=NO_NUMBER | NO_NOTES)
 async def restore(request: web.Request) -> web.StreamResponse:
     """Undo a deletion."""
     return await _set_deleted(request, deleted=False)

@@ -17,7 +17,7 @@ from gcs_mosaic.notes.exports import as_kml
 from gcs_mosaic.notes.finds import Find
 from gcs_mosaic.notes.told import GeoPlace, placed
 from gcs_mosaic.web.api.notes import NOTES
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import MOBAC_NAME, MapAddresses, addresses_for
 from gcs_mosaic.web.maps.common import FLIGHT, MAP, NOTHING, OF_FLIGHT, LookQuery, TokenQuery, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
@@ -36,7 +36,7 @@ OPERATIONS = Operations()
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/{MOBAC_NAME}",
-    Answer("The document.", Media(("application/xml",)), tagged=True),
+    Reply("The document.", Media(("application/xml",)), tagged=True),
     query=LookQuery,
     about=OF_FLIGHT,
     failures=NOTHING,
@@ -51,7 +51,7 @@ async def source(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/gcs-mosaic.zip",
-    Answer("The package.", Media(("application/zip",))),
+    Reply("The package.", Media(("application/zip",))),
     query=TokenQuery,
     about=OF_FLIGHT,
     failures=NOTHING,

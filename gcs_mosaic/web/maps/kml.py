@@ -15,7 +15,7 @@ from aiohttp import web
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE
 from gcs_mosaic.geotiles.earth_islands import Bounds
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import MapAddresses, addresses_for
 from gcs_mosaic.web.maps.common import FLIGHT, NOTHING, OF_FLIGHT, TILE, TokenQuery, about, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
@@ -35,7 +35,7 @@ OPERATIONS = Operations()
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/map.kml",
-    Answer("The document.", Media((MEDIA,)), tagged=True),
+    Reply("The document.", Media((MEDIA,)), tagged=True),
     query=TokenQuery,
     about=OF_FLIGHT,
     failures=NOTHING,
@@ -49,7 +49,7 @@ async def start(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/kml/{TILE}.kml",
-    Answer("The document.", Media((MEDIA,)), tagged=True),
+    Reply("The document.", Media((MEDIA,)), tagged=True),
     query=TokenQuery,
     about=OF_FLIGHT,
     failures=NOTHING,

@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 from aiohttp import web
 
 from gcs_mosaic.geo.mercator import HALF_WORLD_M
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses, addresses_for
 from gcs_mosaic.web.maps.common import FLIGHT, NOTHING, OF_FLIGHT, TokenQuery, about, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
@@ -31,7 +31,7 @@ OPERATIONS = Operations()
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/gcs-mosaic.qgs",
-    Answer("The document.", Media(("application/x-qgis-project",)), tagged=True),
+    Reply("The document.", Media(("application/x-qgis-project",)), tagged=True),
     query=TokenQuery,
     about=OF_FLIGHT,
     failures=NOTHING,

@@ -19,7 +19,7 @@ from gcs_mosaic.geotiles.picture_grid import PictureGrid, grid_of_tile
 from gcs_mosaic.geotiles.pyramid import BLOCK
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.stitch.arrays import ImageBGRA
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import addresses_for
 from gcs_mosaic.web.maps.common import FLIGHT, MAP, NOTHING, OF_FLIGHT, PICTURES, LookQuery, document, map_now, tile_of
 from gcs_mosaic.web.maps.pictures import encoded
@@ -82,7 +82,7 @@ def keep_turns(app: web.Application) -> None:
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/wms",
-    Answer("Capabilities, a picture, or a ServiceExceptionReport.", ANSWERS, tagged=True),
+    Reply("Capabilities, a picture, or a ServiceExceptionReport.", ANSWERS, tagged=True),
     query=WmsQuery,
     about=OF_FLIGHT,
     failures=NOTHING,

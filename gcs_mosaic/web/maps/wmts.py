@@ -10,7 +10,7 @@ from aiohttp import web
 
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, resolution_m
 from gcs_mosaic.geotiles.pyramid import OVERZOOM
-from gcs_mosaic.web.api.operations import Answer, Media, Operations
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses, addresses_for
 from gcs_mosaic.web.maps.common import (
     FLIGHT,
@@ -35,7 +35,7 @@ MATRICES = "GoogleMapsCompatible"
 PIXEL_M = 0.00028  # of the standard's screen
 LEVELS = 25  # matrices that are told
 DOCUMENT = Media(("application/xml",))
-REPORT = Answer("An ExceptionReport.", DOCUMENT)
+REPORT = Reply("An ExceptionReport.", DOCUMENT)
 OPERATIONS = Operations()
 
 
@@ -49,7 +49,7 @@ class WmtsQuery(LookQuery):
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/wmts/1.0.0/WMTSCapabilities.xml",
-    Answer("The document.", DOCUMENT, tagged=True),
+    Reply("The document.", DOCUMENT, tagged=True),
     query=LookQuery,
     about=OF_FLIGHT,
     failures=NOTHING,
@@ -63,7 +63,7 @@ async def by_address(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/wmts",
-    Answer("Capabilities or a tile.", Media((*PICTURES.types, *DOCUMENT.types)), tagged=True),
+    Reply("Capabilities or a tile.", Media((*PICTURES.types, *DOCUMENT.types)), tagged=True),
     query=WmtsQuery,
     about=OF_FLIGHT,
     failures={**NOTHING, 400: REPORT, 501: REPORT},

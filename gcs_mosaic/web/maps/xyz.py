@@ -8,7 +8,7 @@ from typing import Any, cast
 from aiohttp import web
 
 from gcs_mosaic.geotiles.pyramid import OVERZOOM
-from gcs_mosaic.web.api.operations import Answer, Operations
+from gcs_mosaic.web.api.operations import Operations, Reply
 from gcs_mosaic.web.maps.addresses import addresses_for
 from gcs_mosaic.web.maps.common import (
     FLIGHT,
@@ -32,7 +32,7 @@ OPERATIONS = Operations()
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/{TILE}.{{suffix:(png|jpg|webp)}}",
-    Answer("The tile.", PICTURES, tagged=True),
+    Reply("The tile.", PICTURES, tagged=True),
     query=TileQuery,
     about=OF_FLIGHT,
     failures=NOTHING,
@@ -47,7 +47,7 @@ async def tile(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FLIGHT}/tilejson.json",
-    Answer("The document.", dict, tagged=True),
+    Reply("The document.", dict, tagged=True),
     query=LookQuery,
     about=OF_FLIGHT,
     failures=NOTHING,
