@@ -62,6 +62,7 @@ def test_it_is_valid_and_tells_no_type_that_nothing_uses(operations: list[Operat
     validate(document)
     used = set(re.findall(r"#/components/schemas/(\w+)", json.dumps(document)))
     assert used == document["components"]["schemas"].keys()
+    assert {"Find", "NewFind", "Pin", "NewPin", "Hint", "Sighting", "Reviewed", "MapsForOthers"} <= used
 
 
 @pytest.mark.parametrize(
