@@ -51,6 +51,23 @@ def pictures(world_cache: Path) -> list[bytes]:
     return six_pictures(world_cache)
 
 
+@pytest.fixture(scope="session")
+def complaints() -> Iterator[list[str]]:
+    """What the page's servers in this process have answered otherwise than they describe it."""
+    from tests.web.answers import judged
+
+    yield from judged()
+
+
+@pytest.fixture
+def every_answer_is_as_described(complaints: list[str]) -> Iterator[None]:
+    """For tests that ask such a server."""
+    yield
+    found, complaints[:] = sorted(set(complaints)), []
+    if found:
+        pytest.fail("\n".join(found))
+
+
 @pytest.fixture
 def tiny_disk(tmp_path: Path) -> Iterator[Path]:
     """A real file system of one megabyte."""

@@ -18,6 +18,7 @@ import urllib.error
 import urllib.request
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,6 +26,7 @@ from gcs_mosaic.notes.book import NotesBook
 from tests.ended_flights import ended_flight, photographed
 from tests.ports import free_port
 from tests.strangers import LEDGERS, LINKS, SECRET, STRANGE_FILES, Trick, an_outside, seen
+from tests.web.answers import faults_at
 
 pytestmark = [
     pytest.mark.long,
@@ -186,15 +188,21 @@ def serve_it(trick: Trick, flight: Path, outside: Path, tmp_path: Path) -> None:
     assert seen(outside) == before
 
 
+def described(url: str, status: int, answer: Any) -> tuple[int, bytes]:
+    data: bytes = answer.read()
+    assert faults_at(url, status, answer.headers.get_content_type(), data) == []
+    return status, data
+
+
 def answer_of(url: str, process: subprocess.Popen[str]) -> tuple[int, bytes]:
     """Code and content; 0 once the program has refused the folder."""
     until = time.monotonic() + 40
     while process.poll() is None:
         try:
             with urllib.request.urlopen(url, timeout=15) as answer:
-                return answer.status, answer.read()
+                return described(url, answer.status, answer)
         except urllib.error.HTTPError as error:
-            return error.code, error.read()
+            return described(url, error.code, error)
         except urllib.error.URLError:
             assert time.monotonic() < until, "it does not begin to serve"
             time.sleep(0.2)

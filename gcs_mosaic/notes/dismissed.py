@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import re
 import time
+from dataclasses import dataclass
+from typing import Annotated
 
 from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.checked import Unfit
+from gcs_mosaic.notes.checked import Limits, Unfit, Utc, Who
 
 HINT = re.compile(r"[A-Za-z0-9._:-]{1,100}")  # key of a hint
+HintKey = Annotated[str, Limits(shortest=1, longest=100, pattern=f"^{HINT.pattern}$"), "key of a hint"]
 MOST_DISMISSED = 50_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DismissedHint:
+    """Who has dismissed a hint, and when."""
+
+    hint: HintKey
+    who: Who
+    utc: Utc
 
 
 class DismissedHints:
@@ -18,9 +30,10 @@ class DismissedHints:
     def __init__(self, book: NotesBook) -> None:
         self._book = book
 
-    def all(self) -> list[dict[str, object]]:
-        """Each with `hint`, `who` and `utc` (seconds since 1970), the first dismissed first."""
-        return [dict(row) for row in self._book.rows("SELECT hint, who, utc FROM dismissed ORDER BY utc, hint")]
+    def all(self) -> list[DismissedHint]:
+        """The first dismissed first."""
+        rows = self._book.rows("SELECT hint, who, utc FROM dismissed ORDER BY utc, hint")
+        return [DismissedHint(hint=row["hint"], who=row["who"], utc=row["utc"]) for row in rows]
 
     def dismiss(self, hint: str, who: str) -> None:
         """Once more changes nothing. Raises Unfit."""

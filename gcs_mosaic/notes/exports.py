@@ -7,14 +7,14 @@ import io
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 from xml.sax.saxutils import escape as escaped
 from xml.sax.saxutils import quoteattr
 
-from gcs_mosaic.notes.told import PlacedFind, find_document, iso, shown
+from gcs_mosaic.notes.told import PlacedFind, iso, place_answer, shown
 
 NO_ANCHOR = "The map has no anchor yet: places are canvas units of an island, not longitude and latitude."
-CANVAS = "island x y"
 COLUMNS = (
     *("id", "kind", "label", "note", "who", "created", "changed", "changed_by", "island", "canvas_x", "canvas_y"),
     *("frame", "pixel_x", "pixel_y", "follows", "longitude", "latitude", "error_m"),
@@ -60,17 +60,18 @@ def _are_anchored(finds: Sequence[PlacedFind]) -> bool:
 
 def find_feature(one: PlacedFind) -> dict[str, Any]:
     """A find as a Feature; its geometry is null without an anchor."""
-    told, geo = find_document(one), one.geo
+    find, geo, place = one.find, one.geo, place_answer(one.find.binding, one.place)
     point = None if geo is None else {"type": "Point", "coordinates": [geo.longitude_deg, geo.latitude_deg]}
-    texts = {name: told[name] for name in ("kind", "label", "note", "who", "changed_by", "frame", "follows")}
-    times = {"created": iso(one.find.created_utc), "changed": iso(one.find.changed_utc)}
-    canvas = {name: told[name] for name in CANVAS.split()}
+    texts = {name: getattr(find, name) for name in ("kind", "label", "note", "who", "changed_by")}
+    followed = {"frame": place.frame and asdict(place.frame), "follows": place.follows}
+    times = {"created": iso(find.created_utc), "changed": iso(find.changed_utc)}
+    canvas = {"island": place.island, "x": place.x, "y": place.y}
     error = {} if geo is None else {"error_m": geo.error_m}
     return {
         "type": "Feature",
-        "id": one.find.id,
+        "id": find.id,
         "geometry": point,
-        "properties": {**texts, **times, "canvas": canvas, **error},
+        "properties": {**texts, **followed, **times, "canvas": canvas, **error},
     }
 
 

@@ -7,6 +7,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 from gcs_mosaic.notes.binding import Binding, GroundPlace
 from gcs_mosaic.notes.book import NotesBook
@@ -34,9 +35,9 @@ class IslandScale:
     """Metres of a canvas unit of an island, and where that comes from."""
 
     island: int
-    metres_per_unit: float
-    source: str
-    scale: int | None = None  # the KnownDistance
+    metres_per_unit: Annotated[float, "of the canvas"]
+    source: Literal["distance", "anchor"]
+    scale: Annotated[int | None, "id of the distance"] = None
 
 
 def metres_per_unit(one: GroundPlace, other: GroundPlace, metres: float) -> float | None:

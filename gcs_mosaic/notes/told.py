@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated
 
 from gcs_mosaic.notes.binding import Binding, GroundFollower, GroundPlace
 from gcs_mosaic.notes.finds import Find
@@ -38,24 +38,32 @@ def placed(finds: Sequence[Find], follower: GroundFollower, anchor: Anchor | Non
     return [PlacedFind(find, place, anchor(place) if anchor else None) for find, place in found]
 
 
-def find_document(one: PlacedFind) -> dict[str, Any]:
-    """As in the API's answers."""
-    find, place = one.find, one.place
-    return {
-        **{name: getattr(find, name) for name in ("id", "revision", "deleted", "kind", "label", "note", "who")},
-        **{name: getattr(find, name) for name in ("created_utc", "changed_by", "changed_utc", "in_original")},
-        **place_document(find.binding, place),
-        "geo": one.geo
-        and {"longitude": one.geo.longitude_deg, "latitude": one.geo.latitude_deg, "error_m": one.geo.error_m},
-    }
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowedPixel:
+    """The pixel of a frame's original that a place follows."""
+
+    number: Annotated[int | None, "of the frame; null while it is not painted"]
+    name: str
+    pixel: tuple[float, float]
 
 
-def place_document(binding: Binding, place: GroundPlace) -> dict[str, Any]:
-    """Island and canvas place, the frame that it follows (`number` is null while that is not painted) and the pixel there."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceAnswer:
+    """A place on an island's canvas."""
+
+    island: int
+    x: float
+    y: float
+    frame: FollowedPixel | None
+    follows: Annotated[bool, "whether the place follows its frame as the map moves"]
+
+
+def place_answer(binding: Binding, place: GroundPlace) -> PlaceAnswer:
+    """A place where it lies now, and the pixel that it follows."""
     frame = None
     if binding.frame is not None and binding.pixel is not None:
-        frame = {"number": place.number, "name": shown(binding.frame), "pixel": list(binding.pixel)}
-    return {"island": place.island, "x": place.x, "y": place.y, "frame": frame, "follows": place.number is not None}
+        frame = FollowedPixel(number=place.number, name=shown(binding.frame), pixel=binding.pixel)
+    return PlaceAnswer(island=place.island, x=place.x, y=place.y, frame=frame, follows=place.number is not None)
 
 
 def shown(text: str) -> str:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -100,11 +101,22 @@ LAYERS = {
 }
 
 
-def legend(layer: MapLayer) -> dict[str, object]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerLegend:
+    """What a layer shows."""
+
+    name: str
+    title: str
+    worst: Annotated[str, "in words"]
+    best: str
+    colours: Annotated[Sequence[str], "from the worst to the best, as #rrggbb"]
+
+
+def legend(layer: MapLayer) -> LayerLegend:
     """Title, words for both ends, and colours from the worst to the best, for whoever shows the tiles."""
     colours = _coloured(layer, np.linspace(0, 1, STOPS)[None])[0]
     stops = [f"#{red:02x}{green:02x}{blue:02x}" for blue, green, red in colours.tolist()]
-    return {"name": layer.name, "title": layer.title, "worst": layer.worst, "best": layer.best, "colours": stops}
+    return LayerLegend(name=layer.name, title=layer.title, worst=layer.worst, best=layer.best, colours=stops)
 
 
 class LayerTiles:

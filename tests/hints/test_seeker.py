@@ -32,6 +32,8 @@ from tests.web.browser import CHROMIUM, open_browser
 from tests.web.test_notes_api import Writer
 from tests.web.test_people_on_the_page import Person
 
+pytestmark = pytest.mark.usefixtures("every_answer_is_as_described")
+
 SIZE = (800, 600)
 PEOPLE = 12
 

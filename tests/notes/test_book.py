@@ -19,7 +19,7 @@ from tests.notes.mapped import MappedFlight
 
 
 def hints(book: NotesBook) -> list[object]:
-    return [one["hint"] for one in DismissedHints(book).all()]
+    return [one.hint for one in DismissedHints(book).all()]
 
 
 def on_disk(root: Path) -> list[str]:

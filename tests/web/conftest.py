@@ -35,3 +35,13 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def short_farewell(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages on this machine read the end of a flight at once."""
     monkeypatch.setattr(app, "FAREWELL_S", 0.2)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def judged_servers(complaints: list[str]) -> None:
+    """Also those that a module shares."""
+
+
+@pytest.fixture(autouse=True)
+def judged_answers(every_answer_is_as_described: None) -> None:
+    """Also to what a browser asks."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.web.api.routes import ROOMS
+from gcs_mosaic.web.api.typescript import declarations
 from gcs_mosaic.web.app import VIEWER
 from tests import fresh
 
@@ -26,6 +29,18 @@ OUT_OF_REACH = (
     "ERR_SOCKET_TIMEOUT",
 )
 LEAST_NODE = (18, 18)  # of ESLint 9
+ABOUT_THE_API = """// @ts-check
+import { send } from "/viewer/api.js";
+import { fetchDocument } from "/viewer/server.js";
+export async function wrong(island, id) {
+  (await fetchDocument("/api/v1/finds")).found;
+  (await fetchDocument(`/api/v1/islands/${island}/sightings?x=${island}&y=1`)).finds;
+  (await fetchDocument("/api/v1/discoveries")).finds;
+  await send("POST", "/finds", { lable: "tent" });
+  (await send("PATCH", `/finds/${id}`, { label: "tent" })).lable;
+  return [(await fetchDocument("/status.json")).state, (await send("DELETE", `/pins/${id}`)).label];
+}
+"""
 pytestmark = [
     pytest.mark.long,
     pytest.mark.timeout(600),
@@ -57,6 +72,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for path in TOOLS.iterdir():
         shutil.copy2(path, folder)
     shutil.copytree(VIEWER, folder / "viewer")
+    (folder / "api.d.ts").write_text(declarations(one for room in ROOMS for one in room.OPERATIONS))
     install = [*npm(), "install", "--no-fund", "--no-audit", "--ignore-scripts"]
     try:
         done = subprocess.run(install, cwd=folder, capture_output=True, text=True, timeout=INSTALL_S, check=False)
@@ -86,6 +102,16 @@ def test_types_fit(workshop: Path) -> None:
 def test_eslint_finds_nothing(workshop: Path) -> None:
     done = run(workshop, "eslint/bin/eslint.js", "viewer/*.js")
     assert (done.stdout, done.returncode) == ("", 0)
+
+
+def test_what_the_api_does_not_answer_or_take_is_found(workshop: Path) -> None:
+    wrong = workshop / "viewer" / "wrong.js"
+    wrong.write_text(ABOUT_THE_API)
+    try:
+        told = run(workshop, "typescript/bin/tsc", "--project", ".").stdout
+    finally:
+        wrong.unlink()
+    assert [int(line) for line in re.findall(r"wrong\.js\((\d+),", told)] == [5, 6, 7, 8, 9]
 
 
 def test_the_tools_would_find_something(workshop: Path, tmp_path: Path) -> None:

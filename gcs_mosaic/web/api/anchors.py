@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 from aiohttp import web
@@ -15,113 +16,296 @@ from gcs_mosaic.geo.coordinates import decimal_text, dms_text, mgrs_text, read_c
 from gcs_mosaic.geo.pins import USUAL_SIGMA_M, PinnedMap, Refused
 from gcs_mosaic.geo.positions import PositionedMap
 from gcs_mosaic.notes.anchoring import IslandAnchor
-from gcs_mosaic.notes.binding import Binding
-from gcs_mosaic.notes.checked import FURTHEST, LONGEST_LABEL, Unfit, number_of, point_of, text_of, whole_of
+from gcs_mosaic.notes.checked import FURTHEST, LONGEST_LABEL, Limits, Unfit, Utc, Who
 from gcs_mosaic.notes.pins import NewPin, SetPin
-from gcs_mosaic.notes.told import place_document
-from gcs_mosaic.web.api.common import BASE, answer, body_of, in_thread
-from gcs_mosaic.web.api.notes import (
-    NOTES,
-    Notes,
-    asked_island,
-    asked_number,
-    id_of,
-    island_of,
-    reading,
-    told_anew,
-    who_of,
-    writing,
-)
+from gcs_mosaic.notes.told import PlaceAnswer, place_answer
+from gcs_mosaic.web.api.asked import asked_body, asked_query
+from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
+from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Canvas, IslandNumber, Notes, PlacedBody, bound, id_of
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
+from gcs_mosaic.web.api.schema import told_of
 
 PIN = BASE + r"/pins/{id:[0-9]{1,9}}"
-SIGMAS_M = (0.01, 1000.0)
-LONGEST_COORDINATE = 100
+OPERATIONS = Operations()
+
+Label = Annotated[str, Limits(longest=LONGEST_LABEL)]
+Text = Annotated[str, Limits(longest=100), "decimal degrees, degrees-minutes-seconds, UTM or MGRS"]
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{BASE}/anchors", reading(every))
-    app.router.add_put(f"{BASE}/anchors/positions", writing(ask_for_positions))
-    app.router.add_post(f"{BASE}/pins", writing(create))
-    app.router.add_delete(PIN, writing(delete))
-    app.router.add_post(f"{PIN}/restore", writing(restore))
-    app.router.add_get(f"{BASE}/coordinates", reading(coordinates))
-    app.router.add_get(f"{BASE}/canvas", reading(canvas))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ellipse:
+    """95 % of errors lie within."""
+
+    major_m: float
+    minor_m: float
+    bearing_deg: Annotated[float, "of the longer axis, clockwise from north"]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoordinateAnswer:
+    """A place on earth (WGS 84), in all notations."""
+
+    longitude: Annotated[float, "degrees"]
+    latitude: Annotated[float, "degrees"]
+    decimal: str
+    dms: str
+    utm: Annotated[str | None, "null near the poles"]
+    mgrs: Annotated[str | None, "null near the poles"]
+    error_m: Annotated[float, "95 % of errors are smaller"]
+    ellipse: Ellipse
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MiddleAnswer(CoordinateAnswer):
+    """The middle of what an anchor was made of."""
+
+    x: Annotated[float, "on the island's canvas"]
+    y: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnchorAnswer:
+    """How an island lies on earth."""
+
+    metres_per_unit: Annotated[float, "of the canvas"]
+    north_deg: Annotated[float, "clockwise from up"]
+    middle: MiddleAnswer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefusedIsland:
+    """An island that has no anchor."""
+
+    island: int
+    by: Literal["pins", "positions"]
+    pins: Annotated[Sequence[int], "ids of those on it"]
+    refused: Annotated[str, "why there is none, and what to do"]
+    anchor: None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PinnedIsland:
+    """An island that is laid by pins."""
+
+    island: int
+    by: Literal["pins"]
+    pins: Annotated[Sequence[int], "ids of those on it"]
+    refused: None
+    anchor: AnchorAnswer
+    checked: Annotated[bool, "whether more is known than it takes, and agrees"]
+    fits: bool
+    misfit: Annotated[str | None, "what does not fit, and what to do"]
+    points: Annotated[int, "pins, of which near ones count as one"]
+    if_right_m: Annotated[float, "the error in the middle (95 %) if all coordinates are as exact as is said"]
+    residuals_m: Annotated[Sequence[float], "of the pins, in their order"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionedIsland:
+    """An island that is laid by the positions of the triggers."""
+
+    island: int
+    by: Literal["positions"]
+    pins: Annotated[Sequence[int], "ids of those on it"]
+    refused: None
+    anchor: AnchorAnswer
+    checked: bool
+    lag_s: Annotated[float, "how long after the shutter a position is measured"]
+    sigma_m: Annotated[float, "of one position, in each direction"]
+    residual_m: Annotated[float, "median"]
+    shots: int
+    outliers: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PinAnswer(PlaceAnswer):
+    """A place whose coordinate somebody has said."""
+
+    id: int
+    deleted: bool
+    label: Label
+    written: Annotated[str, "as it was typed; empty for longitude and latitude"]
+    longitude: Annotated[float, "degrees"]
+    latitude: Annotated[float, "degrees"]
+    sigma_m: Annotated[float, "one standard deviation of the coordinate"]
+    who: Who
+    utc: Utc
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnchorsAnswer:
+    """How each island lies on earth, and the pins."""
+
+    revision: int
+    by_positions: Annotated[bool, "whether positions may lay islands that have no pins"]
+    islands: Sequence[RefusedIsland | PinnedIsland | PositionedIsland]
+    pins: Sequence[PinAnswer]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionsBody:
+    """Whether positions may lay the map."""
+
+    asked: bool
+    who: Who
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ByPositionsAnswer:
+    """Whether positions may lay the map."""
+
+    by_positions: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewPinBody(PlacedBody):
+    """A place and its coordinate, as text or as longitude and latitude."""
+
+    coordinate: Text = ""
+    longitude: Annotated[float | None, Limits(least=-180, most=180), "degrees"] = None
+    latitude: Annotated[float | None, Limits(least=-90, most=90), "degrees"] = None
+    sigma_m: Annotated[float, Limits(least=0.01, most=1000.0), "one standard deviation"] = USUAL_SIGMA_M
+    label: Label = ""
+    who: Who
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoordinatesQuery:
+    """A canvas place."""
+
+    island: IslandNumber
+    x: Canvas
+    y: Canvas
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoordinatesAnswer:
+    """The coordinate of a canvas place."""
+
+    island: int
+    place: Annotated[CoordinateAnswer | None, "null where the island has no anchor"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CanvasQuery:
+    """A coordinate."""
+
+    at: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CanvasSpot:
+    """A place on an island's canvas."""
+
+    island: int
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CanvasAnswer:
+    """A coordinate, and where it lies on the islands that have an anchor."""
+
+    longitude: Annotated[float, "degrees"]
+    latitude: Annotated[float, "degrees"]
+    places: Sequence[CanvasSpot]
+
+
+@OPERATIONS.add("GET", f"{BASE}/anchors", Reply("The anchors.", AnchorsAnswer, tagged=True), failures=NO_NOTES)
 async def every(request: web.Request) -> web.StreamResponse:
-    """GET: how each island is laid on earth, or why it is not, and the pins."""
+    """How each island lies on earth, or why it does not, and the pins."""
     notes = request.app[NOTES]
     revision, pins, by_positions = await notes.run(notes.pinned)
     islands = await in_thread(request, notes.islands, pins, by_positions)
     told = [_island(one) for _, one in sorted(islands.items())]
     shown = [_pin(notes, pin) for pin in pins]
-    return told_anew(request, {"revision": revision, "by_positions": by_positions, "islands": told, "pins": shown})
+    return told_anew(request, AnchorsAnswer(revision=revision, by_positions=by_positions, islands=told, pins=shown))
 
 
+@OPERATIONS.add(
+    "PUT",
+    f"{BASE}/anchors/positions",
+    Reply("As it is kept.", ByPositionsAnswer),
+    body=PositionsBody,
+    failures=NO_NOTES,
+)
 async def ask_for_positions(request: web.Request) -> web.StreamResponse:
-    """PUT: whether the positions of the triggers lay islands that have no pins."""
-    told, notes = await body_of(request), request.app[NOTES]
-    asked, who = told.get("asked"), who_of(told.get("who"))
-    if not isinstance(asked, bool):
-        raise Unfit("asked is to be true or false.")
-    await notes.run(lambda: notes.pins.ask_for_positions(who, asked=asked))
-    return answer({"by_positions": asked})
+    """Let the triggers' positions lay islands that have no pins, or not."""
+    told, notes = await asked_body(request, PositionsBody), request.app[NOTES]
+    await notes.run(lambda: notes.pins.ask_for_positions(told.who, asked=told.asked))
+    return answer(ByPositionsAnswer(by_positions=told.asked))
 
 
+@OPERATIONS.add("POST", f"{BASE}/pins", Reply("It is on the disk.", PinAnswer, 201), body=NewPinBody, failures=NO_NOTES)
 async def create(request: web.Request) -> web.StreamResponse:
-    """POST: a place (island, x, y; or frame, pixel) and its coordinate, as text or as longitude and latitude."""
-    told, notes = await body_of(request), request.app[NOTES]
-    written, longitude, latitude, least_m = _coordinate(told)
-    sigma = max(number_of(told.get("sigma_m", USUAL_SIGMA_M), "sigma_m", *SIGMAS_M), least_m)
-    label, who = text_of(told.get("label"), "label", LONGEST_LABEL), who_of(told.get("who"))
-    binding = await _binding(request, told)
+    """Say the coordinate of a place of the map (island, x, y), or of an original's pixel (frame, pixel)."""
+    told, notes = await asked_body(request, NewPinBody), request.app[NOTES]
+    longitude, latitude, least_m = _coordinate(told)
+    binding = await bound(request, told)
+    if binding is None:
+        raise Unfit(NO_PLACE)
     new = NewPin(
-        label=label,
-        written=written,
+        label=told.label,
+        written=told.coordinate,
         longitude_deg=longitude,
         latitude_deg=latitude,
-        sigma_m=sigma,
-        who=who,
+        sigma_m=max(told.sigma_m, least_m),
+        who=told.who,
         binding=binding,
     )
     pin = await notes.run(notes.pins.create, new)
-    return web.json_response(await in_thread(request, _pin, notes, pin), status=201)
+    return answer(await in_thread(request, _pin, notes, pin), 201)
 
 
+@OPERATIONS.add("DELETE", PIN, Reply("The pin.", PinAnswer), failures=NO_NUMBER | NO_NOTES)
 async def delete(request: web.Request) -> web.StreamResponse:
-    """DELETE: the pin lays nothing any more; can be restored."""
+    """Delete a pin, which lays nothing any more; it can be restored."""
     return await _set_deleted(request, deleted=True)
 
 
+@OPERATIONS.add("POST", f"{PIN}/restore", Reply("The pin.", PinAnswer), failures=NO_NUMBER | NO_NOTES)
 async def restore(request: web.Request) -> web.StreamResponse:
-    """POST: undo a deletion."""
+    """Undo a deletion."""
     return await _set_deleted(request, deleted=False)
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{BASE}/coordinates",
+    Reply("The coordinate.", CoordinatesAnswer, tagged=True),
+    query=CoordinatesQuery,
+    failures=NO_NOTES,
+)
 async def coordinates(request: web.Request) -> web.StreamResponse:
-    """GET: the coordinate of a canvas place (island, x, y), in all notations, with its error."""
-    island = asked_island(request)
-    x, y = (asked_number(request, name, -FURTHEST, FURTHEST) for name in ("x", "y"))
-    laid = (await _laid(request)).get(island)
-    anchor = None if laid is None else laid.anchor
-    return told_anew(request, {"island": island, "place": None if anchor is None else _place(anchor, x, y)})
+    """The coordinate of a canvas place, in all notations, with its error."""
+    asked = asked_query(request, CoordinatesQuery)
+    laid = (await _laid(request)).get(asked.island)
+    place = None if laid is None or laid.anchor is None else _place(laid.anchor, asked.x, asked.y)
+    return told_anew(request, CoordinatesAnswer(island=asked.island, place=place))
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{BASE}/canvas",
+    Reply("The places.", CanvasAnswer, tagged=True),
+    query=CanvasQuery,
+    failures=NO_NOTES,
+)
 async def canvas(request: web.Request) -> web.StreamResponse:
-    """GET: where a coordinate (at=) lies on each island that has an anchor."""
+    """Where a coordinate lies on the islands that have an anchor."""
     try:
-        at = read_coordinate(request.query.get("at", ""))
+        at = read_coordinate(asked_query(request, CanvasQuery).at)
     except UsageError as error:
         raise Unfit(str(error)) from error
     laid = {island: one.anchor for island, one in (await _laid(request)).items() if one.anchor is not None}
     place = np.array([at.longitude_deg, at.latitude_deg])
     spots = {island: anchor.canvas(place) for island, anchor in laid.items()}
     shown = [
-        {"island": island, "x": float(x), "y": float(y)}
+        CanvasSpot(island=island, x=float(x), y=float(y))
         for island, (x, y) in sorted(spots.items())
         if max(abs(x), abs(y)) <= FURTHEST
     ]
-    return told_anew(request, {"longitude": at.longitude_deg, "latitude": at.latitude_deg, "places": shown})
+    return told_anew(request, CanvasAnswer(longitude=at.longitude_deg, latitude=at.latitude_deg, places=shown))
 
 
 async def _laid(request: web.Request) -> Mapping[int, IslandAnchor]:
@@ -136,97 +320,100 @@ async def _set_deleted(request: web.Request, *, deleted: bool) -> web.StreamResp
     return answer(await in_thread(request, _pin, notes, pin))
 
 
-async def _binding(request: web.Request, told: dict[str, Any]) -> Binding:
-    follower = request.app[NOTES].follower
-    if told.get("frame") is not None:
-        number = whole_of(told["frame"], "frame", 0, 1 << 53)
-        found = await in_thread(request, follower.bound_to_pixel, number, *point_of(told.get("pixel"), "pixel"))
-        if found is None:
-            raise Unfit("That frame is not on the map, or has no such pixel.")
-        return found
-    x, y = point_of([told.get("x"), told.get("y")], "x, y", FURTHEST)
-    return await in_thread(request, follower.bound, island_of(told.get("island")), x, y)
-
-
-def _coordinate(told: dict[str, Any]) -> tuple[str, float, float, float]:
-    """The text, longitude and latitude that were sent, and the deviation (metres) of what its digits leave open. Raises Unfit."""
-    written = text_of(told.get("coordinate"), "coordinate", LONGEST_COORDINATE)
-    if written:
+def _coordinate(told: NewPinBody) -> tuple[float, float, float]:
+    """Longitude and latitude that were sent, and the deviation (metres) of what their digits leave open. Raises Unfit."""
+    if told.coordinate:
         try:
-            found = read_coordinate(written)
+            found = read_coordinate(told.coordinate)
         except UsageError as error:
             raise Unfit(str(error)) from error
-        return written, found.longitude_deg, found.latitude_deg, found.least_sigma_m
-    longitude = number_of(told.get("longitude"), "longitude", -180, 180)
-    return "", longitude, number_of(told.get("latitude"), "latitude", -90, 90), 0.0
+        return found.longitude_deg, found.latitude_deg, found.least_sigma_m
+    if told.longitude is None or told.latitude is None:
+        raise Unfit("coordinate is to be given, or longitude and latitude.")
+    return told.longitude, told.latitude, 0.0
 
 
-def _island(one: IslandAnchor) -> dict[str, Any]:
-    anchor, result = one.anchor, one.result
-    told: dict[str, Any] = {"island": one.island, "by": one.by, "pins": [pin.id for pin in one.pins]}
-    if isinstance(result, Refused) or anchor is None:
-        return {**told, "refused": result.reason if isinstance(result, Refused) else None, "anchor": None}
-    middle = anchor.middle.real, -anchor.middle.imag
-    told["anchor"] = {
-        "metres_per_unit": anchor.metres_per_unit,
-        "north_deg": anchor.north_deg,
-        "middle": {"x": middle[0], "y": middle[1], **_place(anchor, *middle)},
-    }
+def _island(one: IslandAnchor) -> RefusedIsland | PinnedIsland | PositionedIsland:
+    result, pins = one.result, [pin.id for pin in one.pins]
+    if isinstance(result, Refused):
+        return RefusedIsland(island=one.island, by=one.by, pins=pins, refused=result.reason, anchor=None)
     if isinstance(result, PinnedMap):
-        return {**told, **_by_pins(result)}
-    return {**told, **_by_positions(result)}
+        return _by_pins(one.island, pins, result)
+    return _by_positions(one.island, pins, result)
 
 
-def _by_pins(result: PinnedMap) -> dict[str, Any]:
-    return {
-        "checked": result.is_checked,
-        "fits": result.fits,
-        "misfit": result.misfit,
-        "points": result.points,
-        "if_right_m": result.if_right_m,
-        "residuals_m": list(result.residuals_m),
-    }
+def _by_pins(island: int, pins: Sequence[int], result: PinnedMap) -> PinnedIsland:
+    return PinnedIsland(
+        island=island,
+        by="pins",
+        pins=pins,
+        refused=None,
+        anchor=_anchor(result.anchor),
+        checked=result.is_checked,
+        fits=result.fits,
+        misfit=result.misfit,
+        points=result.points,
+        if_right_m=result.if_right_m,
+        residuals_m=result.residuals_m,
+    )
 
 
-def _by_positions(result: PositionedMap) -> dict[str, Any]:
-    return {
-        "checked": True,
-        "lag_s": result.lag_s,
-        "sigma_m": result.sigma_m,
-        "residual_m": result.residual_m,
-        "shots": result.shots,
-        "outliers": result.outliers,
-    }
+def _by_positions(island: int, pins: Sequence[int], result: PositionedMap) -> PositionedIsland:
+    return PositionedIsland(
+        island=island,
+        by="positions",
+        pins=pins,
+        refused=None,
+        anchor=_anchor(result.anchor),
+        checked=True,
+        lag_s=result.lag_s,
+        sigma_m=result.sigma_m,
+        residual_m=result.residual_m,
+        shots=result.shots,
+        outliers=result.outliers,
+    )
 
 
-def _place(anchor: Anchor, x: float, y: float) -> dict[str, Any]:
+def _anchor(anchor: Anchor) -> AnchorAnswer:
+    x, y = anchor.middle.real, -anchor.middle.imag
+    middle = MiddleAnswer(x=x, y=y, **told_of(_place(anchor, x, y)))
+    return AnchorAnswer(metres_per_unit=anchor.metres_per_unit, north_deg=anchor.north_deg, middle=middle)
+
+
+def _place(anchor: Anchor, x: float, y: float) -> CoordinateAnswer:
+    """Raises Unfit."""
     longitude, latitude = map(float, anchor.places(np.array([x, y])))
     if not math.isfinite(longitude):
         raise Unfit("That place is too far from what the anchor was made of.")
     error = anchor.error(x, y)
-    return {
-        "longitude": longitude,
-        "latitude": latitude,
-        "decimal": decimal_text(longitude, latitude),
-        "dms": dms_text(longitude, latitude),
-        "utm": utm_text(longitude, latitude),
-        "mgrs": mgrs_text(longitude, latitude),
-        "error_m": error.major_m,
-        "ellipse": {"major_m": error.major_m, "minor_m": error.minor_m, "bearing_deg": error.bearing_deg},
-    }
+    return CoordinateAnswer(
+        longitude=longitude,
+        latitude=latitude,
+        decimal=decimal_text(longitude, latitude),
+        dms=dms_text(longitude, latitude),
+        utm=utm_text(longitude, latitude),
+        mgrs=mgrs_text(longitude, latitude),
+        error_m=error.major_m,
+        ellipse=Ellipse(major_m=error.major_m, minor_m=error.minor_m, bearing_deg=error.bearing_deg),
+    )
 
 
-def _pin(notes: Notes, pin: SetPin) -> dict[str, Any]:
+def _pin(notes: Notes, pin: SetPin) -> PinAnswer:
     new = pin.pin
-    return {
-        "id": pin.id,
-        "deleted": pin.deleted,
-        "label": new.label,
-        "written": new.written,
-        "longitude": new.longitude_deg,
-        "latitude": new.latitude_deg,
-        "sigma_m": new.sigma_m,
-        "who": new.who,
-        "utc": pin.utc,
-        **place_document(new.binding, notes.follower.place(new.binding)),
-    }
+    at = place_answer(new.binding, notes.follower.place(new.binding))
+    return PinAnswer(
+        id=pin.id,
+        deleted=pin.deleted,
+        label=new.label,
+        written=new.written,
+        longitude=new.longitude_deg,
+        latitude=new.latitude_deg,
+        sigma_m=new.sigma_m,
+        who=new.who,
+        utc=pin.utc,
+        island=at.island,
+        x=at.x,
+        y=at.y,
+        frame=at.frame,
+        follows=at.follows,
+    )

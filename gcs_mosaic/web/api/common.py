@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import json
-import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from aiohttp import web
 
 from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.web.api.schema import told_of
 
 BASE = "/api/v1"
 THREADS = 2  # for questions; stitching has priority on the cores
@@ -26,17 +27,6 @@ Result = TypeVar("Result")
 async def in_thread(request: web.Request, work: Callable[..., Result], *given: Any) -> Result:
     """Run blocking work on a thread of the API's own."""
     return await asyncio.get_running_loop().run_in_executor(request.app[POOL], work, *given)
-
-
-def number(request: web.Request, name: str, *, least: float = -1e9, most: float = 1e9) -> float:
-    """A number of the query. Raises HTTPBadRequest for anything else."""
-    try:
-        value = float(request.query[name])
-    except (KeyError, ValueError):
-        value = math.nan
-    if not least <= value <= most:
-        raise bad(f"{name}= is to be a number from {least:g} to {most:g}.")
-    return value
 
 
 def bad(text: str) -> web.HTTPBadRequest:
@@ -67,7 +57,19 @@ async def body_of(request: web.Request) -> dict[str, Any]:
     return told
 
 
-def answer(document: Any, **headers: str) -> web.Response:
-    """A JSON answer."""
-    text = json.dumps(document, separators=(",", ":"), allow_nan=False)
-    return web.Response(text=text, content_type="application/json", headers=headers)
+def answer(document: Any, status: int = 200, **headers: str) -> web.Response:
+    """A JSON answer; `document` may hold dataclasses."""
+    return web.Response(text=text_of_json(document), status=status, content_type="application/json", headers=headers)
+
+
+def told_anew(request: web.Request, document: Any) -> web.Response:
+    """A JSON answer with an ETag; 304 to whom knows it."""
+    data = text_of_json(document).encode()
+    etag = hashlib.blake2b(data, digest_size=12).hexdigest()
+    if any(known.value == etag for known in request.if_none_match or ()):
+        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
+    return web.Response(body=data, content_type="application/json", headers={"ETag": f'"{etag}"'})
+
+
+def text_of_json(document: Any) -> str:
+    return json.dumps(document, separators=(",", ":"), allow_nan=False, default=told_of)

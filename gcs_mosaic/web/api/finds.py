@@ -4,109 +4,214 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 from aiohttp import web
 
 from gcs_mosaic.notes.anchoring import anchor_of
-from gcs_mosaic.notes.binding import Binding
 from gcs_mosaic.notes.checked import (
-    FURTHEST,
     LONGEST_LABEL,
     LONGEST_NAME,
     LONGEST_NOTE,
+    Limits,
     Unfit,
-    point_of,
-    text_of,
-    whole_of,
+    Utc,
+    Who,
 )
 from gcs_mosaic.notes.exports import as_csv, as_geojson, as_kml
 from gcs_mosaic.notes.finds import Find, NewFind, Outdated
 from gcs_mosaic.notes.pins import SetPin
-from gcs_mosaic.notes.told import PlacedFind, find_document, placed
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, body_of, in_thread
-from gcs_mosaic.web.api.notes import NOTES, Notes, id_of, island_of, reading, told_anew, who_of, writing
+from gcs_mosaic.notes.told import GeoPlace, PlaceAnswer, PlacedFind, place_answer, placed
+from gcs_mosaic.web.api.asked import asked_body
+from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
+from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Notes, PlacedBody, bound, id_of
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Failures, Media, Operations, Reply
 from gcs_mosaic.web.guard import POLICY
 
 ONE = BASE + r"/finds/{id:[0-9]{1,9}}"
-MOST_REVISION = 1 << 53
-LONGEST_KEY = 64
+Revision = Annotated[int, Limits(least=0, most=1 << 53)]
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{BASE}/finds", reading(every))
-    app.router.add_post(f"{BASE}/finds", writing(create))
-    app.router.add_get(ONE, reading(single))
-    app.router.add_patch(ONE, writing(edit))
-    app.router.add_delete(ONE, writing(delete))
-    app.router.add_post(f"{ONE}/restore", writing(restore))
-    app.router.add_get(BASE + r"/finds.{format:(geojson|csv|kml|html)}", reading(exported))
+IF_MATCH = {"If-Match": "The revision that is changed, in quotes, instead of `revision` in the body."}
+FILES = Media(("application/geo+json", "text/csv", "application/vnd.google-earth.kml+xml", "text/html"))
+OPERATIONS = Operations()
+
+Kind = Annotated[str, Limits(longest=LONGEST_NAME)]
+Label = Annotated[str, Limits(longest=LONGEST_LABEL)]
+Note = Annotated[str, Limits(longest=LONGEST_NOTE, lines=True)]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewFindBody(PlacedBody):
+    """A find to be set on the map, or in an original."""
+
+    kind: Kind = ""
+    label: Label = ""
+    note: Note = ""
+    who: Who
+    key: Annotated[str, Limits(longest=64), "sent again, it makes no second find"] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindEditBody(PlacedBody):
+    """What is to be another; the rest stays."""
+
+    kind: Kind | None = None
+    label: Label | None = None
+    note: Note | None = None
+    who: Who
+    revision: Revision | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindChangeBody:
+    """Who, and the revision that is changed."""
+
+    who: Who
+    revision: Revision | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindsQuery:
+    """Which finds."""
+
+    deleted: Annotated[Literal["1"] | None, "those that were deleted too"] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeoAnswer:
+    """A place on earth (WGS 84)."""
+
+    longitude: Annotated[float, "degrees"]
+    latitude: Annotated[float, "degrees"]
+    error_m: Annotated[float, "how far off it may be (95 %)"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindAnswer(PlaceAnswer):
+    """A find, where it lies now."""
+
+    id: int
+    revision: int
+    deleted: bool
+    kind: Kind
+    label: Label
+    note: Note
+    who: Who
+    created_utc: Utc
+    changed_by: Who
+    changed_utc: Utc
+    in_original: Annotated[bool, "set in a frame's original, not on the map"]
+    geo: Annotated[GeoAnswer | None, "null while the map has no anchor"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindsAnswer:
+    """The finds, where they lie now."""
+
+    revision: Annotated[int, "of all that people have added"]
+    finds: Sequence[FindAnswer]
+
+
+OUTDATED: Failures = {
+    409: Reply("Somebody else has changed it: what it has become.", FindAnswer),
+    428: "The revision that is changed is to be given.",
+    **NO_NUMBER,
+    **NO_NOTES,
+}
+
+
+@OPERATIONS.add(
+    "GET", f"{BASE}/finds", Reply("The finds.", FindsAnswer, tagged=True), query=FindsQuery, failures=NO_NOTES
+)
 async def every(request: web.Request) -> web.StreamResponse:
-    """GET: all finds where they lie now; with `?deleted=1` those that were deleted too."""
+    """All finds, where they lie now."""
     notes, deleted = request.app[NOTES], request.query.get("deleted") == "1"
     pinned, finds = await notes.run(lambda: (notes.pinned(), notes.finds.all(deleted=deleted)))
     revision, *laid = pinned
     shown = await in_thread(request, _placed, notes, finds, *laid)
-    return told_anew(request, {"revision": revision, "finds": [find_document(one) for one in shown]})
+    return told_anew(request, FindsAnswer(revision=revision, finds=[_told(one) for one in shown]))
 
 
+@OPERATIONS.add("GET", ONE, Reply("The find.", FindAnswer, tagged=True), failures=NO_NUMBER | NO_NOTES)
 async def single(request: web.Request) -> web.StreamResponse:
-    """GET: one find, deleted or not."""
+    """One find, deleted or not."""
     notes = request.app[NOTES]
     find = await notes.run(notes.finds.get, id_of(request))
-    return told_anew(request, await _document(request, find))
+    return told_anew(request, await _answered(request, find))
 
 
+@OPERATIONS.add(
+    "POST", f"{BASE}/finds", Reply("It is on the disk.", FindAnswer, 201), body=NewFindBody, failures=NO_NOTES
+)
 async def create(request: web.Request) -> web.StreamResponse:
-    """POST: set a find on the map (island, x, y) or in an original (frame, pixel)."""
-    told, notes = await body_of(request), request.app[NOTES]
-    texts, who = _texts(told), who_of(told.get("who"))
-    key = text_of(told.get("key"), "key", LONGEST_KEY) or None
-    binding, in_original = await _binding(request, told)
+    """Set a find on the map (island, x, y), or in an original (frame, pixel)."""
+    asked, notes = await asked_body(request, NewFindBody), request.app[NOTES]
+    binding = await bound(request, asked)
     if binding is None:
-        raise Unfit("island, x and y are to be given, or frame and pixel.")
+        raise Unfit(NO_PLACE)
     new = NewFind(
-        kind=texts.get("kind", ""),
-        label=texts.get("label", ""),
-        note=texts.get("note", ""),
-        who=who,
-        in_original=in_original,
+        kind=asked.kind,
+        label=asked.label,
+        note=asked.note,
+        who=asked.who,
+        in_original=asked.frame is not None,
         binding=binding,
-        key=key,
+        key=asked.key or None,
     )
     find = await notes.run(notes.finds.create, new)
-    document = await _document(request, find)
-    return web.json_response(document, status=201, headers={"Location": f"{BASE}/finds/{find.id}"})
+    return answer(await _answered(request, find), 201, Location=f"{BASE}/finds/{find.id}")
 
 
+@OPERATIONS.add(
+    "PATCH", ONE, Reply("It is on the disk.", FindAnswer), body=FindEditBody, headers=IF_MATCH, failures=OUTDATED
+)
 async def edit(request: web.Request) -> web.StreamResponse:
-    """PATCH: change texts or place of a find that is at `revision`; 409 with what it has become if it is not."""
-    told, notes = await body_of(request), request.app[NOTES]
-    binding, in_original = await _binding(request, told)
-    changes = _texts(told) | {"in_original": in_original}
+    """Change texts or place of a find that is at `revision`."""
+    asked, notes = await asked_body(request, FindEditBody), request.app[NOTES]
+    binding = await bound(request, asked)
+    texts = {"kind": asked.kind, "label": asked.label, "note": asked.note}
+    changes: dict[str, Any] = {name: text for name, text in texts.items() if text is not None}
+    changes["in_original"] = asked.frame is not None
     return await _changed(
         request,
-        told,
+        asked,
         lambda number, revision, who: notes.finds.edit(number, revision, who, changes, binding),
     )
 
 
+@OPERATIONS.add(
+    "DELETE", ONE, Reply("It is deleted.", FindAnswer), body=FindChangeBody, headers=IF_MATCH, failures=OUTDATED
+)
 async def delete(request: web.Request) -> web.StreamResponse:
-    """DELETE: the find can be restored."""
-    told = await body_of(request)
-    return await _changed(request, told, request.app[NOTES].finds.delete)
+    """Delete; can be restored."""
+    asked = await asked_body(request, FindChangeBody)
+    return await _changed(request, asked, request.app[NOTES].finds.delete)
 
 
+@OPERATIONS.add(
+    "POST",
+    f"{ONE}/restore",
+    Reply("It is there again.", FindAnswer),
+    body=FindChangeBody,
+    headers=IF_MATCH,
+    failures=OUTDATED,
+)
 async def restore(request: web.Request) -> web.StreamResponse:
-    """POST: undo a deletion."""
-    told = await body_of(request)
-    return await _changed(request, told, request.app[NOTES].finds.restore)
+    """Undo a deletion."""
+    asked = await asked_body(request, FindChangeBody)
+    return await _changed(request, asked, request.app[NOTES].finds.restore)
 
 
+@OPERATIONS.add(
+    "GET",
+    BASE + r"/finds.{format:(geojson|csv|kml|html)}",
+    Reply("The file. Without an anchor places are canvas units.", FILES),
+    failures=NO_NOTES,
+)
 async def exported(request: web.Request) -> web.StreamResponse:
-    """GET: all finds as GeoJSON, CSV, KML, or a report to print."""
+    """All finds for other programs, or as a report to print."""
     notes, kind = request.app[NOTES], request.match_info["format"]
     (_, *laid), finds = await notes.run(lambda: (notes.pinned(), notes.finds.all()))
     shown = await in_thread(request, _placed, notes, finds, *laid)
@@ -137,51 +242,52 @@ def _export(request: web.Request, shown: Sequence[PlacedFind], kind: str) -> str
 
 
 async def _changed(
-    request: web.Request, told: dict[str, Any], work: Callable[[int, int, str], Find]
+    request: web.Request, asked: FindEditBody | FindChangeBody, work: Callable[[int, int, str], Find]
 ) -> web.StreamResponse:
     """One find changed, if it is at the revision that the sender knows: by If-Match, or `revision` in the body."""
-    who, revision = who_of(told.get("who")), _known_revision(request, told)
+    revision = asked.revision if asked.revision is not None else _matched_revision(request)
     try:
-        find = await request.app[NOTES].run(work, id_of(request), revision, who)
+        find = await request.app[NOTES].run(work, id_of(request), revision, asked.who)
     except Outdated as error:
-        return web.json_response(await _document(request, error.newest), status=409)
-    return answer(await _document(request, find))
+        return answer(await _answered(request, error.newest), 409)
+    return answer(await _answered(request, find))
 
 
-def _known_revision(request: web.Request, told: dict[str, Any]) -> int:
-    given: Any = told.get("revision")
-    if given is None and request.if_match:
-        value = request.if_match[0].value
-        given = int(value) if value.isascii() and value.isdigit() and len(value) <= 15 else None
-    if given is None:
-        raise web.HTTPPreconditionRequired(text="The revision that is changed is to be given.\n")
-    return whole_of(given, "revision", 0, MOST_REVISION)
+def _matched_revision(request: web.Request) -> int:
+    value = request.if_match[0].value if request.if_match else ""
+    if value.isascii() and value.isdigit() and len(value) <= 15:
+        return int(value)
+    raise web.HTTPPreconditionRequired(text="The revision that is changed is to be given.\n")
 
 
-def _texts(told: dict[str, Any]) -> dict[str, str]:
-    """Those of kind, label and note that were sent."""
-    longest = {"kind": LONGEST_NAME, "label": LONGEST_LABEL, "note": LONGEST_NOTE}
-    return {
-        name: text_of(told[name], name, most, lines=name == "note") for name, most in longest.items() if name in told
-    }
-
-
-async def _binding(request: web.Request, told: dict[str, Any]) -> tuple[Binding | None, bool]:
-    """Where it was set, if that was sent, and whether in an original."""
-    follower = request.app[NOTES].follower
-    if told.get("frame") is not None:
-        number = whole_of(told["frame"], "frame", 0, 1 << 53)
-        found = await in_thread(request, follower.bound_to_pixel, number, *point_of(told.get("pixel"), "pixel"))
-        if found is None:
-            raise Unfit("That frame is not on the map, or has no such pixel.")
-        return found, True
-    if told.get("island") is None:
-        return None, False
-    x, y = point_of([told.get("x"), told.get("y")], "x, y", FURTHEST)
-    return await in_thread(request, follower.bound, island_of(told["island"]), x, y), False
-
-
-async def _document(request: web.Request, find: Find) -> dict[str, Any]:
+async def _answered(request: web.Request, find: Find) -> FindAnswer:
     notes = request.app[NOTES]
     _, *laid = await notes.run(notes.pinned)
-    return find_document((await in_thread(request, _placed, notes, [find], *laid))[0])
+    return _told((await in_thread(request, _placed, notes, [find], *laid))[0])
+
+
+def _told(one: PlacedFind) -> FindAnswer:
+    find, at, geo = one.find, place_answer(one.find.binding, one.place), one.geo
+    return FindAnswer(
+        id=find.id,
+        revision=find.revision,
+        deleted=find.deleted,
+        kind=find.kind,
+        label=find.label,
+        note=find.note,
+        who=find.who,
+        created_utc=find.created_utc,
+        changed_by=find.changed_by,
+        changed_utc=find.changed_utc,
+        in_original=find.in_original,
+        island=at.island,
+        x=at.x,
+        y=at.y,
+        frame=at.frame,
+        follows=at.follows,
+        geo=None if geo is None else _geo(geo),
+    )
+
+
+def _geo(geo: GeoPlace) -> GeoAnswer:
+    return GeoAnswer(longitude=geo.longitude_deg, latitude=geo.latitude_deg, error_m=geo.error_m)

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Annotated, Literal
 from urllib.parse import quote
 
 from aiohttp import web
 
+from gcs_mosaic.notes.checked import Limits
 from gcs_mosaic.views.picture_tiles import KEPT_S, PictureTiles
-from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, Original, is_shown_as_it_is, original, picture
+from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, original, picture
 from gcs_mosaic.views.sightings import Sighting, sightings
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, bad, in_thread, missing, number
+from gcs_mosaic.web.api.asked import asked_query
+from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
+from gcs_mosaic.web.api.schema import fields_of
 
 LARGEST_CROP = 1024  # px
 CROP_KEPT_S = 3600  # by the browser: a frame's content does not change
@@ -22,29 +28,93 @@ PIECES = web.AppKey("pieces", PictureTiles)
 FRAME = f"{BASE}/frames/{{frame:[0-9]{{1,9}}}}"
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{ISLAND}/sightings", who_saw)
-    app.router.add_get(f"{FRAME}/picture", shown)
-    app.router.add_get(f"{FRAME}/pieces/{{column:[0-9]{{1,4}}}}/{{row:[0-9]{{1,4}}}}.jpg", piece)
-    app.router.add_get(f"{FRAME}/crop.jpg", crop)
-    app.router.add_get(f"{FRAME}/original", download)
+OPERATIONS = Operations()
+Far = Annotated[float, Limits(least=-1e9, most=1e9)]
+NO_PICTURE = {404: "There is no such frame, or no picture of it."}
+JPEG = Media(("image/jpeg",))
+FILE = Media(("application/octet-stream", "image/*"))
+SHOWN = Media(("image/*",))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceQuery:
+    """A place on an island's canvas."""
+
+    x: Annotated[Far, "canvas units"]
+    y: Far
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureQuery:
+    """How much smaller."""
+
+    reduction: Annotated[Literal[1, 2, 4], "so many times less wide and high"] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CropQuery:
+    """A square about a pixel."""
+
+    x: Annotated[Far, "pixel of the original"]
+    y: Far
+    side: Annotated[int, Limits(least=16, most=LARGEST_CROP), "px"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightingAnswer:
+    """One frame's look at a place. Pixels are those of the original file, counted from the centre of its top left one."""
+
+    number: int
+    name: str
+    width: Annotated[int, "px"]
+    height: Annotated[int, "px"]
+    x: Annotated[float, "px, where the place is"]
+    y: Annotated[float, "px"]
+    canvas_per_px: Annotated[float, "ground resolution at this spot, canvas units per pixel"]
+    border_px: Annotated[float, "from the frame's border"]
+    covered: Annotated[bool, "it is not painted itself: another frame shows all that it does"]
+    sharpness: Annotated[float | None, "of the frame's details, to compare frames by; null where it was not noted"]
+    as_sharp: Annotated[float, "its sharpness as a share of that of the sharpest look at this place"]
+    time: Annotated[str | None, "when it was taken, if that is known, else the file's time (ISO 8601, UTC)"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightingsAnswer:
+    """The frames that saw a place."""
+
+    sightings: Sequence[SightingAnswer]
+
+
+def keep_pieces(app: web.Application) -> None:
+    """For requests to come."""
     app[PIECES] = PictureTiles()
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{ISLAND}/sightings",
+    Reply("The frames, each with the pixel of its original.", SightingsAnswer),
+    query=PlaceQuery,
+)
 async def who_saw(request: web.Request) -> web.StreamResponse:
-    """GET ?x=&y=: the frames that saw a place on an island's canvas, the best first."""
-    x, y = number(request, "x"), number(request, "y")
-    found = await in_thread(request, sightings, request.app[VIEW], int(request.match_info["island"]), x, y)
+    """The frames that saw a place on an island's canvas, the best first."""
+    asked = asked_query(request, PlaceQuery)
+    found = await in_thread(request, sightings, request.app[VIEW], int(request.match_info["island"]), asked.x, asked.y)
     await in_thread(request, _get_ready)
-    return answer({"sightings": [_entry(one) for one in found]})
+    return answer(SightingsAnswer(sightings=[_entry(one) for one in found]))
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FRAME}/picture",
+    Reply("A picture that browsers show.", SHOWN, tagged=True),
+    query=PictureQuery,
+    failures=NO_PICTURE,
+)
 async def shown(request: web.Request) -> web.StreamResponse:
-    """GET ?reduction=1|2|4: a frame as a browser can show it, the original file itself where that can be."""
-    wanted = request.query.get("reduction", "1")
-    if wanted not in map(str, REDUCTIONS):
-        raise bad(f"reduction= is to be one of {', '.join(map(str, REDUCTIONS))}.")
-    view, frame, reduction = request.app[VIEW], int(request.match_info["frame"]), int(wanted)
+    """A frame as a browser can show it, reduced or not; the original file itself where that can be."""
+    reduction = asked_query(request, PictureQuery).reduction
+    view, frame = request.app[VIEW], int(request.match_info["frame"])
     source = await _source(request)
     etag = f"{source.shown_as}-{reduction}"
     if any(known.value == etag for known in request.if_none_match or ()):
@@ -60,8 +130,14 @@ async def shown(request: web.Request) -> web.StreamResponse:
     return web.Response(body=data, content_type=kind, headers={"ETag": f'"{etag}"'})
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FRAME}/pieces/{{column:[0-9]{{1,4}}}}/{{row:[0-9]{{1,4}}}}.jpg",
+    Reply("A piece; smaller at the borders.", JPEG, tagged=True),
+    failures=NO_PICTURE,
+)
 async def piece(request: web.Request) -> web.StreamResponse:
-    """GET: 512 x 512 px of a frame as it is shown, at full resolution; for large ones."""
+    """512 x 512 px of a large frame as it is shown, at full resolution."""
     frame, column, row = (int(request.match_info[name]) for name in ("frame", "column", "row"))
     source = await _source(request)
     etag = f"{source.shown_as}-{column}-{row}"
@@ -77,10 +153,17 @@ async def piece(request: web.Request) -> web.StreamResponse:
     return web.Response(body=data, content_type="image/jpeg", headers={"ETag": f'"{etag}"'})
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FRAME}/crop.jpg",
+    Reply("The square, moved to lie within the frame.", JPEG, tagged=True),
+    query=CropQuery,
+    failures=NO_PICTURE,
+)
 async def crop(request: web.Request) -> web.StreamResponse:
-    """GET ?x=&y=&side=: the square about a pixel of a frame as it is shown, at full resolution."""
-    frame, x, y = int(request.match_info["frame"]), number(request, "x"), number(request, "y")
-    side = int(number(request, "side", least=16, most=LARGEST_CROP))
+    """The square about a pixel of a frame as it is shown, at full resolution."""
+    frame, asked = int(request.match_info["frame"]), asked_query(request, CropQuery)
+    x, y, side = asked.x, asked.y, asked.side
     source = await _source(request)
     etag = f"{source.shown_as}-{x:.0f}-{y:.0f}-{side}"
     headers = {"ETag": f'"{etag}"', "Cache-Control": f"private, max-age={CROP_KEPT_S}"}
@@ -96,8 +179,9 @@ async def crop(request: web.Request) -> web.StreamResponse:
     return web.Response(body=data, content_type="image/jpeg", headers=headers)
 
 
+@OPERATIONS.add("GET", f"{FRAME}/original", Reply("The file as it came.", FILE), failures=NO_PICTURE)
 async def download(request: web.Request) -> web.StreamResponse:
-    """GET: the original file, under its own name."""
+    """The original file under its own name."""
     source = await _source(request)
     name = quote(source.name.rsplit("/", 1)[-1].encode("utf-8", "replace"), safe="")
     headers = {
@@ -121,11 +205,8 @@ async def _source(request: web.Request) -> Original:
         raise missing(str(error)) from error
 
 
-def _entry(one: Sighting) -> dict[str, object]:
+def _entry(one: Sighting) -> SightingAnswer:
     when = None if one.utc is None else datetime.fromtimestamp(one.utc, UTC).isoformat(timespec="milliseconds")
-    entry = asdict(one) | {
-        "time": when and when.replace("+00:00", "Z"),
-        "name": one.name.encode("utf-8", "replace").decode(),
-    }
-    entry.pop("utc")
-    return entry
+    told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time")}
+    name = one.name.encode("utf-8", "replace").decode()
+    return SightingAnswer(**told, name=name, time=when and when.replace("+00:00", "Z"))

@@ -2,41 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 from aiohttp import web
 
-from gcs_mosaic.notes.checked import text_of
-from gcs_mosaic.web.api.common import BASE, answer, body_of, missing
-from gcs_mosaic.web.api.notes import NOTES, reading, told_anew, who_of, writing
+from gcs_mosaic.notes.checked import Who
+from gcs_mosaic.notes.dismissed import HINT, DismissedHint, HintKey
+from gcs_mosaic.web.api.asked import asked_body
+from gcs_mosaic.web.api.common import BASE, answer, missing, told_anew
+from gcs_mosaic.web.api.notes import NOTES
+from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
 
 PATH = f"{BASE}/hints/dismissed"
-ONE = PATH + r"/{hint:[A-Za-z0-9._:-]{1,100}}"
-LONGEST_HINT = 100
+OPERATIONS = Operations()
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(PATH, reading(every))
-    app.router.add_post(PATH, writing(dismiss))
-    app.router.add_delete(ONE, writing(bring_back))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DismissedAnswer:
+    """The hints that were dismissed, the first dismissed first."""
+
+    revision: int
+    dismissed: Sequence[DismissedHint]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DismissalBody:
+    """A hint to be dismissed."""
+
+    hint: HintKey
+    who: Who
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HintKeyAnswer:
+    """The hint."""
+
+    hint: HintKey
+
+
+@OPERATIONS.add("GET", PATH, Reply("The hints.", DismissedAnswer, tagged=True), failures=NO_NOTES)
 async def every(request: web.Request) -> web.StreamResponse:
-    """GET: the keys of all of them, with who and when."""
+    """The hints that were dismissed, with who and when."""
     notes = request.app[NOTES]
     revision, hints = await notes.run(lambda: (notes.book.revision, notes.dismissed.all()))
-    return told_anew(request, {"revision": revision, "dismissed": hints})
+    return told_anew(request, DismissedAnswer(revision=revision, dismissed=hints))
 
 
+@OPERATIONS.add("POST", PATH, Reply("It is dismissed.", HintKeyAnswer), body=DismissalBody, failures=NO_NOTES)
 async def dismiss(request: web.Request) -> web.StreamResponse:
-    """POST: dismiss the hint of a key."""
-    told, notes = await body_of(request), request.app[NOTES]
-    hint, who = text_of(told.get("hint"), "hint", LONGEST_HINT, needed=True), who_of(told.get("who"))
-    await notes.run(notes.dismissed.dismiss, hint, who)
-    return answer({"hint": hint})
+    """Dismiss a hint."""
+    asked, notes = await asked_body(request, DismissalBody), request.app[NOTES]
+    await notes.run(notes.dismissed.dismiss, asked.hint, asked.who)
+    return answer(HintKeyAnswer(hint=asked.hint))
 
 
+@OPERATIONS.add(
+    "DELETE",
+    f"{PATH}/{{hint:{HINT.pattern}}}",
+    Reply("It is back.", HintKeyAnswer),
+    failures={404: "That hint was not dismissed."} | NO_NOTES,
+)
 async def bring_back(request: web.Request) -> web.StreamResponse:
-    """DELETE: undo it."""
+    """Bring a hint back."""
     notes, hint = request.app[NOTES], request.match_info["hint"]
     if not await notes.run(notes.dismissed.bring_back, hint):
         raise missing("That hint was not dismissed.")
-    return answer({"hint": hint})
+    return answer(HintKeyAnswer(hint=hint))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from aiohttp import web
@@ -10,8 +12,9 @@ from aiohttp import web
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
 from gcs_mosaic.views.coverage import footprint_of
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.views.layers import LAYERS, LayerTiles, area_words, is_possible, legend
+from gcs_mosaic.views.layers import LAYERS, LayerLegend, LayerTiles, area_words, is_possible, legend
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.tile_answer import tile_answer
 
 MOST_GAPS = 200  # the largest
@@ -20,20 +23,52 @@ PLACE = "{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
 LAYER_TILE = f"{BASE}/layers/{{layer:[a-z]{{1,20}}}}/{PLACE}.png"
 
 
-def add_routes(app: web.Application) -> None:
+OPERATIONS = Operations()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayersAnswer:
+    """The layers there are."""
+
+    layers: Sequence[LayerLegend]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapAnswer:
+    """Ground inside the flown area that nobody has seen."""
+
+    outline: Annotated[Sequence[tuple[float, float]], "x, y on the island's canvas"]
+    inside: Annotated[tuple[float, float], "a point well within it"]
+    area: Annotated[float, "canvas units squared"]
+    words: Annotated[str, "how large it is, compared with a frame"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapsAnswer:
+    """The gaps, on the island's canvas."""
+
+    gaps: Sequence[GapAnswer]
+
+
+def keep_tiles(app: web.Application) -> None:
+    """For requests to come."""
     app[TILES] = LayerTiles(app[VIEW])
-    app.router.add_get(f"{BASE}/layers", layers)
-    app.router.add_get(LAYER_TILE, layer_tile)
-    app.router.add_get(f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/gaps", gaps)
 
 
+@OPERATIONS.add("GET", f"{BASE}/layers", Reply("The layers.", LayersAnswer))
 async def layers(_request: web.Request) -> web.StreamResponse:
-    """GET: the layers there are, with their legends."""
-    return answer({"layers": [legend(layer) for layer in LAYERS.values()]})
+    """The layers there are, with their legends."""
+    return answer(LayersAnswer(layers=[legend(layer) for layer in LAYERS.values()]))
 
 
+@OPERATIONS.add(
+    "GET",
+    LAYER_TILE,
+    Reply("256 x 256 px with alpha.", Media(("image/png",)), tagged=True),
+    failures={404: "There is no such layer or tile."},
+)
 async def layer_tile(request: web.Request) -> web.StreamResponse:
-    """GET: a tile of a layer."""
+    """A tile of a layer, transparent where nothing was seen."""
     layer = LAYERS.get(request.match_info["layer"])
     island, z, x, y = (int(request.match_info[name]) for name in ("island", "z", "x", "y"))
     if layer is None or not is_possible(Tile(z, x, y), FINEST_LEVEL):
@@ -42,22 +77,25 @@ async def layer_tile(request: web.Request) -> web.StreamResponse:
     return tile_answer(request, data)
 
 
+@OPERATIONS.add(
+    "GET", f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/gaps", Reply("The gaps, on the island's canvas.", GapsAnswer)
+)
 async def gaps(request: web.Request) -> web.StreamResponse:
-    """GET: ground inside the flown area that nobody has seen, the largest first; places are on the island's canvas."""
+    """Ground inside the flown area that nobody has seen, the largest first."""
     found = await in_thread(request, _gaps, request.app[VIEW], request.app[TILES], int(request.match_info["island"]))
-    return answer({"gaps": found})
+    return answer(GapsAnswer(gaps=found))
 
 
-def _gaps(view: FlightView, tiles: LayerTiles, island: int) -> list[dict[str, Any]]:
+def _gaps(view: FlightView, tiles: LayerTiles, island: int) -> list[GapAnswer]:
     _, found = tiles.islands.of(island)
     table = view.table()
     footprint = footprint_of(table.boxes[table.islands == island]) if found else 0.0
     return [
-        {
-            "outline": np.round(gap.outline, 1).tolist(),
-            "inside": np.round(gap.inside, 1).tolist(),
-            "area": round(gap.area, 1),
-            "words": area_words(gap.area, footprint),
-        }
+        GapAnswer(
+            outline=np.round(gap.outline, 1).tolist(),
+            inside=np.round(gap.inside, 1).tolist(),
+            area=round(gap.area, 1),
+            words=area_words(gap.area, footprint),
+        )
         for gap in found[:MOST_GAPS]
     ]

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import io
 import ipaddress
-from dataclasses import replace
-from typing import Any, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
 
 from aiohttp import web
 
 from gcs_mosaic.geo.mercator import FINEST_LEVEL
+from gcs_mosaic.geotiles.earth_islands import EarthIsland
 from gcs_mosaic.web.address import HttpAddress, is_number, split_host, url_of
-from gcs_mosaic.web.api.common import BASE, in_thread, missing
-from gcs_mosaic.web.api.notes import told_anew
+from gcs_mosaic.web.api.common import BASE, in_thread, missing, told_anew
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.choosing import ACCESS
 from gcs_mosaic.web.invitation import invitation
 from gcs_mosaic.web.maps.addresses import MapAddresses
@@ -27,37 +29,91 @@ BASE_MAPS = ("xyz", "wms")  # of programs that show no other map beside it
 Reach = Literal["network", "loopback", "nowhere"]
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{BASE}/maps", maps)
-    app.router.add_get(f"{BASE}/maps/codes/{{name:[a-z_]{{1,20}}}}.svg", code)
-    app.router.add_get(f"{BASE}/underlay/{TILE}", underlay_tile)
+OPERATIONS = Operations()
+Bounds = Annotated[tuple[float, float, float, float], "west, south, east, north, in degrees"]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnderlayAnswer:
+    """Where the map lies that the settings name as underlay."""
+
+    bounds: Annotated[Bounds, "west, south, east, north, in degrees, of what there is at its finest level"]
+    minzoom: int
+    maxzoom: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownIsland:
+    """An island that other programs show."""
+
+    island: int
+    error_m: Annotated[float, "how far off its worst corner may be (95 %)"]
+    minzoom: int
+    maxzoom: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapsForOthersAnswer:
+    """How other programs show the map."""
+
+    flight: Annotated[str, "its name in addresses"]
+    revision: Annotated[str, "another one whenever something looks different"]
+    reach: Annotated[
+        Reach,
+        "who can reach the addresses: others on the network; this machine alone; this machine, because it is on no network",
+    ]
+    needs_token: bool
+    is_local: Annotated[
+        bool, "QGroundControl refuses addresses of this machine alone, and of networks without a router"
+    ]
+    cors: Annotated[bool, "whether pages of other sites may show the map"]
+    addresses: Annotated[dict[str, str], f"by {', '.join(NAMES)}"]
+    over_underlay: Annotated[dict[str, str] | None, "those of base maps, if the settings name an underlay"]
+    underlay: Annotated[UnderlayAnswer | None, "if the settings name one, and it can be told where it lies"]
+    islands: Sequence[ShownIsland]
+    unanchored: Annotated[Sequence[int], "islands that are shown nowhere else"]
+    error_m: Annotated[float | None, "how far off the worst corner of what is shown may be (95 %)"]
+    bounds: Bounds | None
+
+
+@OPERATIONS.add(
+    "GET",
+    f"{BASE}/maps",
+    Reply("The map for other programs.", MapsForOthersAnswer, tagged=True),
+    failures={503: "The notes, which hold the anchors, cannot be read now."},
+)
 async def maps(request: web.Request) -> web.StreamResponse:
-    """GET: whether others can reach the map, its addresses for them, and what is shown."""
-    now = await request.app[MAP].now()
+    """How other programs show the map: whether they can reach it, addresses, and what is shown."""
+    now, served = await request.app[MAP].now(), request.app[MAP]
     reach, addresses = await in_thread(request, reached, request, now)
-    underlay = request.app[MAP].underlay
-    over = replace(addresses, underlay=True) if underlay is not None else None
-    return told_anew(
-        request,
-        {
-            "flight": now.flight,
-            "revision": now.token,
-            "reach": reach,
-            "needs_token": addresses.token is not None,
-            "is_local": is_refused_by_qgroundcontrol(addresses.root),
-            "cors": request.app[CORS],
-            "addresses": {name: getattr(addresses, name) for name in NAMES},
-            "over_underlay": over and {name: getattr(over, name) for name in BASE_MAPS},
-            "underlay": underlay and await in_thread(request, where_it_lies, underlay),
-            **shown(now),
-        },
+    over = replace(addresses, underlay=True) if served.underlay is not None else None
+    told = MapsForOthersAnswer(
+        flight=now.flight,
+        revision=now.token,
+        reach=reach,
+        needs_token=addresses.token is not None,
+        is_local=is_refused_by_qgroundcontrol(addresses.root),
+        cors=request.app[CORS],
+        addresses={name: getattr(addresses, name) for name in NAMES},
+        over_underlay=None if over is None else {name: getattr(over, name) for name in BASE_MAPS},
+        underlay=await in_thread(request, where_it_lies, served.underlay),
+        islands=[shown(one) for one in now.pyramid.islands],
+        unanchored=now.unanchored,
+        error_m=now.error_m,
+        bounds=now.pyramid.bounds,
     )
+    return told_anew(request, told)
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{BASE}/maps/codes/{{name:[a-z_]{{1,20}}}}.svg",
+    Reply("The code.", Media(("image/svg+xml",))),
+    about={"name": "One of the names of `addresses`."},
+    failures={404: "There is no such address.", 503: "The notes, which hold the anchors, cannot be read now."},
+)
 async def code(request: web.Request) -> web.StreamResponse:
-    """GET: one of the addresses as a QR code (SVG)."""
+    """An address as a QR code."""
     name = request.match_info["name"]
     if name not in NAMES:
         raise missing(f"There are codes of {', '.join(NAMES)}.")
@@ -66,8 +122,14 @@ async def code(request: web.Request) -> web.StreamResponse:
     return web.Response(text=drawn, content_type="image/svg+xml")
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{BASE}/underlay/{TILE}",
+    Reply("The tile.", Media(("image/jpeg", "image/png")), tagged=True),
+    failures={404: "The settings name no underlay, or nothing of that number."},
+)
 async def underlay_tile(request: web.Request) -> web.StreamResponse:
-    """GET: a tile of the team's own map alone; transparent where it has none."""
+    """An XYZ tile of 256 px (EPSG:3857) of the map that the settings name as underlay, alone; transparent where it has none."""
     served = request.app[MAP]
     if served.underlay is None:
         raise missing("The settings name no map: web: {underlay: FILE}.")
@@ -84,10 +146,12 @@ def jpeg_of(underlay: Underlay, level: int, x: int, y: int) -> bytes | None:
     return None if picture is None else encoded(picture, MapLook("jpg")).data
 
 
-def where_it_lies(underlay: Underlay) -> dict[str, Any] | None:
-    """Its bounds and levels, if they can be told."""
-    found = underlay.extent
-    return None if found is None else {"bounds": list(found.bounds), "minzoom": found.minzoom, "maxzoom": found.maxzoom}
+def where_it_lies(underlay: Underlay | None) -> UnderlayAnswer | None:
+    """Its bounds and levels, if there is one and they can be told."""
+    found = None if underlay is None else underlay.extent
+    if found is None:
+        return None
+    return UnderlayAnswer(bounds=found.bounds, minzoom=found.minzoom, maxzoom=found.maxzoom)
 
 
 def reached(request: web.Request, now: MapNow) -> tuple[Reach, MapAddresses]:
@@ -113,19 +177,9 @@ def is_refused_by_qgroundcontrol(root: str) -> bool:
     return number.is_loopback or number.is_link_local
 
 
-def shown(now: MapNow) -> dict[str, Any]:
-    """The islands that are shown, and those that are not."""
-    islands = [
-        {"island": one.id, "error_m": one.error_m, "minzoom": one.levels[0], "maxzoom": one.levels[1]}
-        for one in now.pyramid.islands
-    ]
-    bounds = now.pyramid.bounds
-    return {
-        "islands": islands,
-        "unanchored": list(now.unanchored),
-        "error_m": now.error_m,
-        "bounds": None if bounds is None else list(bounds),
-    }
+def shown(one: EarthIsland) -> ShownIsland:
+    """An island with how exactly it lies."""
+    return ShownIsland(island=one.id, error_m=one.error_m, minzoom=one.levels[0], maxzoom=one.levels[1])
 
 
 def as_svg(text: str) -> str:

@@ -1,27 +1,26 @@
-"""What the handlers of finds, scale, reviews and dismissed hints share: the notes, the thread that owns them, who may write."""
+"""What the handlers of finds, scale, reviews and hints share: the notes, the thread that owns them, places that are sent."""
 
 from __future__ import annotations
 
 import asyncio
-import hashlib
-import json
 import logging
 import sqlite3
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.notes.anchoring import Anchoring, IslandAnchor
-from gcs_mosaic.notes.binding import GroundFollower
+from gcs_mosaic.notes.binding import Binding, GroundFollower
 from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.checked import LONGEST_NAME, Unfit, number_of, text_of, whole_of
+from gcs_mosaic.notes.checked import FURTHEST, Limits, Unfit
 from gcs_mosaic.notes.dismissed import DismissedHints
-from gcs_mosaic.notes.finds import Finds, NoSuchNote
+from gcs_mosaic.notes.finds import Finds
 from gcs_mosaic.notes.hint_wishes import HintWishes
 from gcs_mosaic.notes.pins import Pins, SetPin
 from gcs_mosaic.notes.reviews import Reviews
@@ -29,20 +28,33 @@ from gcs_mosaic.notes.scales import Scales
 from gcs_mosaic.store.disk import CannotWrite, DiskFull
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.access import is_local
-from gcs_mosaic.web.api.common import bad, missing
-from gcs_mosaic.web.choosing import ACCESS
+from gcs_mosaic.web.api.common import in_thread
 from gcs_mosaic.web.feed import Feed
 
 logger = logging.getLogger(__name__)
 
 KEEP_S = 2.0  # between two looks whether the file is still there
 MOST_WAITING = 64  # requests for a disk that answers slowly
-MOST_ISLAND = 999_999
 CANNOT = (CannotWrite, OSError, UsageError, sqlite3.Error)
 
 Result = TypeVar("Result")
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+NO_PLACE = "island, x and y are to be given, or frame and pixel."
+IslandNumber = Annotated[int, Limits(least=0, most=999_999)]
+Canvas = Annotated[float, Limits(least=-FURTHEST, most=FURTHEST)]
+CanvasPoint = Annotated[tuple[Canvas, Canvas], "x, y on the island's canvas"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedBody:
+    """A place of the map, or the pixel of an original."""
+
+    island: IslandNumber | None = None
+    x: Annotated[Canvas | None, "on the island's canvas"] = None
+    y: Canvas | None = None
+    frame: Annotated[
+        int | None, Limits(least=0, most=1 << 53), "number of a painted frame, instead of island, x and y"
+    ] = None
+    pixel: Annotated[tuple[Canvas, Canvas] | None, "of the frame's original"] = None
 
 
 class Notes:
@@ -146,66 +158,25 @@ async def _kept(app: web.Application) -> AsyncIterator[None]:
     await app[NOTES].end()
 
 
-def writing(handler: Handler) -> Handler:
-    """A handler that changes something: where everybody may look, only this machine may. What is unfit is told with 400."""
-
-    async def checked(request: web.Request) -> web.StreamResponse:
-        if request.app[ACCESS].is_open and not is_local(request):
-            raise web.HTTPForbidden(text="Where everybody may look, only the machine that runs gcs-mosaic may write.\n")
-        return await reading(handler)(request)
-
-    return checked
-
-
-def reading(handler: Handler) -> Handler:
-    """A handler whose refusals are told: 400 for what is unfit, 404 for what is not there."""
-
-    async def checked(request: web.Request) -> web.StreamResponse:
-        try:
-            return await handler(request)
-        except Unfit as error:
-            raise bad(str(error)) from error
-        except NoSuchNote as error:
-            raise missing("There is nothing of that number.") from error
-
-    return checked
-
-
-def told_anew(request: web.Request, document: Any) -> web.Response:
-    """A JSON answer with an ETag; 304 to whom knows it."""
-    data = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
-    etag = hashlib.blake2b(data, digest_size=12).hexdigest()
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    return web.Response(body=data, content_type="application/json", headers={"ETag": f'"{etag}"'})
-
-
-def who_of(told: Any) -> str:
-    """The name that a person has given. Raises Unfit."""
-    return text_of(told, "who", LONGEST_NAME, needed=True)
-
-
-def island_of(told: Any) -> int:
-    """Raises Unfit."""
-    return whole_of(told, "island", 0, MOST_ISLAND)
-
-
 def id_of(request: web.Request) -> int:
     return int(request.match_info["id"])
 
 
-def asked_number(request: web.Request, name: str, least: float, most: float) -> float:
-    """A number of the query. Raises Unfit."""
-    try:
-        return number_of(float(request.query.get(name, "nan")), name, least, most)
-    except ValueError as error:
-        raise Unfit(f"{name}= is to be a number from {least:g} to {most:g}.") from error
-
-
-def asked_island(request: web.Request) -> int:
-    """Raises Unfit."""
-    said = request.query.get("island", "")
-    return island_of(int(said) if said.isascii() and said.isdigit() and len(said) <= 6 else None)
+async def bound(request: web.Request, asked: PlacedBody) -> Binding | None:
+    """Where something is set; None if that was not sent. Raises Unfit."""
+    follower = request.app[NOTES].follower
+    if asked.frame is not None:
+        if asked.pixel is None:
+            raise Unfit("pixel is to be two numbers.")
+        found = await in_thread(request, follower.bound_to_pixel, asked.frame, *asked.pixel)
+        if found is None:
+            raise Unfit("That frame is not on the map, or has no such pixel.")
+        return found
+    if asked.island is None:
+        return None
+    if asked.x is None or asked.y is None:
+        raise Unfit("x and y are to be numbers.")
+    return await in_thread(request, follower.bound, asked.island, asked.x, asked.y)
 
 
 def sentence_of(error: BaseException, path: Path) -> str:

@@ -2,66 +2,128 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
 
 from aiohttp import web
 
-from gcs_mosaic.notes.checked import FURTHEST, LONGEST_NAME, Unfit, number_of, text_of, whole_of
+from gcs_mosaic.notes.checked import LONGEST_NAME, Limits, Unfit, Utc, Who
 from gcs_mosaic.notes.reviews import CELL, CELL_LEVEL, LONGEST_LOOK_S, Question, ReviewedView, seen_cells
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
-from gcs_mosaic.web.api.common import BASE, VIEW, body_of, in_thread
-from gcs_mosaic.web.api.notes import NOTES, asked_island, asked_number, island_of, reading, told_anew, who_of, writing
+from gcs_mosaic.web.api.asked import asked_body, asked_query
+from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
+from gcs_mosaic.web.api.notes import NOTES, Canvas, IslandNumber
+from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
 
 PATH = f"{BASE}/reviews"
-EDGES = ("left", "top", "right", "bottom")
+Level = Annotated[int, Limits(least=0, most=FINEST_LEVEL)]
+Cells = Annotated[Sequence[tuple[int, int]], "x, y of tiles of the cells' level"]
+OPERATIONS = Operations()
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(PATH, reading(covered))
-    app.router.add_post(PATH, writing(report))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookBody:
+    """What was on somebody's screen."""
+
+    island: IslandNumber
+    box: Annotated[tuple[Canvas, Canvas, Canvas, Canvas], "left, top, right, bottom, on the island's canvas"]
+    level: Annotated[Level, "zoom"]
+    seconds: Annotated[float, Limits(least=0, most=LONGEST_LOOK_S)]
+    who: Who
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellsAnswer:
+    """What counts of it."""
+
+    cells: Annotated[int, "that it covers; 0 from too far away"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReviewedQuery:
+    """A box of an island, and what counts as reviewed."""
+
+    island: IslandNumber
+    left: Annotated[Canvas, "on the island's canvas"]
+    top: Canvas
+    right: Canvas
+    bottom: Canvas
+    level: Annotated[Level, "this zoom or finer"]
+    seconds: Annotated[float, Limits(least=0, most=1e6), "so long in sum"] = 0.0
+    who: Annotated[str, Limits(longest=LONGEST_NAME), "by this person alone"] = ""
+    since: Annotated[float, Limits(least=0, most=1e11), "seconds since 1970"] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReviewCell:
+    """What is counted: the tiles of a level."""
+
+    units: Annotated[float, "canvas units, of a side"]
+    level: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reviewer:
+    """Who has looked, and when last."""
+
+    who: Who
+    utc: Utc
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReviewedAnswer:
+    """The cells of painted ground within a box."""
+
+    cell: ReviewCell
+    reviewed: Cells
+    missing: Cells
+    reviewers: Sequence[Reviewer]
+
+
+@OPERATIONS.add(
+    "POST",
+    PATH,
+    Reply("Taken in; on the disk some seconds later.", CellsAnswer, 202),
+    body=LookBody,
+    failures=NO_NOTES,
+)
 async def report(request: web.Request) -> web.StreamResponse:
-    """POST: what somebody had on the screen for some seconds; 202, as it is written some seconds later."""
-    told, notes = await body_of(request), request.app[NOTES]
+    """Report what was on the screen."""
+    asked, notes = await asked_body(request, LookBody), request.app[NOTES]
     look = ReviewedView(
-        island=island_of(told.get("island")),
-        box=_box(told.get("box")),
-        level=whole_of(told.get("level"), "level", 0, FINEST_LEVEL),
-        seconds=number_of(told.get("seconds"), "seconds", 0, LONGEST_LOOK_S),
-        who=who_of(told.get("who")),
+        island=asked.island, box=_box(asked.box), level=asked.level, seconds=asked.seconds, who=asked.who
     )
-    return web.json_response({"cells": await notes.run(notes.reviews.report, look)}, status=202)
+    return answer(CellsAnswer(cells=await notes.run(notes.reviews.report, look)), 202)
 
 
+@OPERATIONS.add("GET", PATH, Reply("The cells.", ReviewedAnswer, tagged=True), query=ReviewedQuery, failures=NO_NOTES)
 async def covered(request: web.Request) -> web.StreamResponse:
-    """GET: the cells of painted ground within a box, parted by whether they were reviewed as asked."""
-    notes = request.app[NOTES]
-    box = _box([asked_number(request, name, -FURTHEST, FURTHEST) for name in EDGES])
+    """The cells of painted ground within a box, parted by whether they were reviewed as asked."""
+    notes, asked = request.app[NOTES], asked_query(request, ReviewedQuery)
     question = Question(
-        island=asked_island(request),
-        box=box,
-        level=int(asked_number(request, "level", 0, FINEST_LEVEL)),
-        seconds=asked_number(request, "seconds", 0, 1e6) if "seconds" in request.query else 0.0,
-        who=text_of(request.query.get("who"), "who", LONGEST_NAME) or None,
-        since_utc=asked_number(request, "since", 0, 1e11) if "since" in request.query else 0.0,
+        island=asked.island,
+        box=_box((asked.left, asked.top, asked.right, asked.bottom)),
+        level=asked.level,
+        seconds=asked.seconds,
+        who=asked.who or None,
+        since_utc=asked.since,
     )
     table = await in_thread(request, request.app[VIEW].table)
-    seen = await in_thread(request, seen_cells, table, question.island, box)
+    seen = await in_thread(request, seen_cells, table, question.island, question.box)
     reviewed, reviewers = await notes.run(lambda: (notes.reviews.reviewed(question), dict(notes.reviews.reviewers())))
-    document = {
-        "cell": {"units": CELL, "level": CELL_LEVEL},
-        "reviewed": sorted(seen & reviewed),
-        "missing": sorted(seen - reviewed),
-        "reviewers": [{"who": who, "utc": utc} for who, utc in sorted(reviewers.items())],
-    }
-    return told_anew(request, document)
+    told = ReviewedAnswer(
+        cell=ReviewCell(units=CELL, level=CELL_LEVEL),
+        reviewed=sorted(seen & reviewed),
+        missing=sorted(seen - reviewed),
+        reviewers=[Reviewer(who=who, utc=utc) for who, utc in sorted(reviewers.items())],
+    )
+    return told_anew(request, told)
 
 
-def _box(told: Any) -> Box:
-    if not isinstance(told, list) or len(told) != len(EDGES):
-        raise Unfit("box is to be left, top, right, bottom.")
-    left, top, right, bottom = (number_of(edge, "box", -FURTHEST, FURTHEST) for edge in told)
+def _box(edges: Box) -> Box:
+    """Raises Unfit."""
+    left, top, right, bottom = edges
     if left >= right or top >= bottom:
         raise Unfit("box is to be left, top, right, bottom.")
-    return left, top, right, bottom
+    return edges

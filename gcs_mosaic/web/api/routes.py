@@ -12,6 +12,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.api import anchors, finds, flight, frames, hints, hints_dismissed, layers, maps, reviews, scale
 from gcs_mosaic.web.api.common import POOL, THREADS, VIEW
 from gcs_mosaic.web.api.notes import add_notes
+from gcs_mosaic.web.api.operations import add_operations
 from gcs_mosaic.web.feed import Feed
 
 ROOMS = (
@@ -25,7 +26,7 @@ ROOMS = (
     hints_dismissed,
     anchors,
     maps,
-)  # modules with `add_routes`
+)  # modules with OPERATIONS
 
 
 def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings) -> None:
@@ -35,8 +36,10 @@ def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings
     app.on_cleanup.append(_end)
     add_notes(app, app[VIEW], feed)
     hints.add_hints(app, settings)
+    layers.keep_tiles(app)
+    frames.keep_pieces(app)
     for room in ROOMS:
-        room.add_routes(app)
+        add_operations(app, room.OPERATIONS)
 
 
 async def _end(app: web.Application) -> None:

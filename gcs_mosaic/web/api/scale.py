@@ -3,56 +3,89 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated
 
 from aiohttp import web
 
 from gcs_mosaic.notes.anchoring import anchored
-from gcs_mosaic.notes.checked import Unfit, number_of, point_of
+from gcs_mosaic.notes.checked import Limits, Unfit, Utc, Who
 from gcs_mosaic.notes.pins import SetPin
-from gcs_mosaic.notes.scales import LEAST_UNITS, KnownDistance, island_scales, metres_per_unit
-from gcs_mosaic.notes.told import place_document
-from gcs_mosaic.web.api.common import BASE, answer, body_of, in_thread
-from gcs_mosaic.web.api.notes import NOTES, Notes, id_of, island_of, reading, told_anew, who_of, writing
+from gcs_mosaic.notes.scales import LEAST_UNITS, IslandScale, KnownDistance, island_scales, metres_per_unit
+from gcs_mosaic.notes.told import PlaceAnswer, place_answer
+from gcs_mosaic.web.api.asked import asked_body
+from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
+from gcs_mosaic.web.api.notes import NOTES, CanvasPoint, IslandNumber, Notes, id_of
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 
 ONE = BASE + r"/scale/{id:[0-9]{1,9}}"
-LEAST_M, MOST_M = 0.01, 100_000.0
+OPERATIONS = Operations()
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{BASE}/scale", reading(every))
-    app.router.add_post(f"{BASE}/scale", writing(create))
-    app.router.add_delete(ONE, writing(delete))
-    app.router.add_post(f"{ONE}/restore", writing(restore))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewDistanceBody:
+    """Two points of an island and the metres between them."""
+
+    island: IslandNumber
+    from_: CanvasPoint
+    to: CanvasPoint
+    metres: Annotated[float, Limits(least=0.01, most=100_000.0)]
+    who: Who
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DistanceAnswer:
+    """A distance that somebody has given."""
+
+    id: int
+    deleted: bool
+    metres: float
+    who: Who
+    utc: Utc
+    from_: PlaceAnswer
+    to: PlaceAnswer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaleAnswer:
+    """Metres of a canvas unit of each island, and the distances given."""
+
+    revision: int
+    islands: Sequence[IslandScale]
+    distances: Sequence[DistanceAnswer]
+
+
+@OPERATIONS.add("GET", f"{BASE}/scale", Reply("The scales.", ScaleAnswer, tagged=True), failures=NO_NOTES)
 async def every(request: web.Request) -> web.StreamResponse:
-    """GET: metres of a canvas unit for each island, and the distances that were given."""
+    """Metres of a canvas unit of each island, and the distances given."""
     notes = request.app[NOTES]
     (revision, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
-    return told_anew(request, {"revision": revision, **await in_thread(request, _documents, notes, known, *laid)})
+    return told_anew(request, await in_thread(request, _scales, notes, revision, known, *laid))
 
 
+@OPERATIONS.add(
+    "POST", f"{BASE}/scale", Reply("It is on the disk.", DistanceAnswer, 201), body=NewDistanceBody, failures=NO_NOTES
+)
 async def create(request: web.Request) -> web.StreamResponse:
-    """POST: from, to (canvas), metres, on an island."""
-    told, notes = await body_of(request), request.app[NOTES]
-    island, who = island_of(told.get("island")), who_of(told.get("who"))
-    metres = number_of(told.get("metres"), "metres", LEAST_M, MOST_M)
-    points = point_of(told.get("from"), "from"), point_of(told.get("to"), "to")
-    first, second = [await in_thread(request, notes.follower.bound, island, *point) for point in points]
-    if metres_per_unit(notes.follower.place(first), notes.follower.place(second), metres) is None:
+    """Give two points of an island (canvas) and the metres between them."""
+    asked, notes = await asked_body(request, NewDistanceBody), request.app[NOTES]
+    ends = asked.from_, asked.to
+    first, second = [await in_thread(request, notes.follower.bound, asked.island, *end) for end in ends]
+    if metres_per_unit(notes.follower.place(first), notes.follower.place(second), asked.metres) is None:
         raise Unfit(f"from and to are to be {LEAST_UNITS:g} canvas unit apart at least, on one island.")
-    known = await notes.run(notes.scales.create, (first, second), metres, who)
-    return web.json_response(await in_thread(request, _known, notes, known), status=201)
+    known = await notes.run(notes.scales.create, (first, second), asked.metres, asked.who)
+    return answer(await in_thread(request, _known, notes, known), 201)
 
 
+@OPERATIONS.add("DELETE", ONE, Reply("It is deleted.", DistanceAnswer), failures=NO_NUMBER | NO_NOTES)
 async def delete(request: web.Request) -> web.StreamResponse:
-    """DELETE: the one given before holds again; can be restored."""
+    """Delete; the one given before holds again."""
     return await _set_deleted(request, deleted=True)
 
 
+@OPERATIONS.add("POST", f"{ONE}/restore", Reply("It holds again.", DistanceAnswer), failures=NO_NUMBER | NO_NOTES)
 async def restore(request: web.Request) -> web.StreamResponse:
-    """POST: undo a deletion."""
+    """Undo a deletion."""
     return await _set_deleted(request, deleted=False)
 
 
@@ -62,18 +95,16 @@ async def _set_deleted(request: web.Request, *, deleted: bool) -> web.StreamResp
     return answer(await in_thread(request, _known, notes, known))
 
 
-def _documents(
-    notes: Notes, known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
-) -> dict[str, Any]:
+def _scales(
+    notes: Notes, revision: int, known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
+) -> ScaleAnswer:
     scales = island_scales(known, notes.follower.place, anchored(notes.islands(pins, by_positions)))
-    islands = [
-        {"island": one.island, "metres_per_unit": one.metres_per_unit, "source": one.source, "scale": one.scale}
-        for one in scales.values()
-    ]
-    return {"islands": islands, "distances": [_known(notes, one) for one in known]}
+    distances = [_known(notes, one) for one in known]
+    return ScaleAnswer(revision=revision, islands=list(scales.values()), distances=distances)
 
 
-def _known(notes: Notes, one: KnownDistance) -> dict[str, Any]:
-    first, second = (place_document(end, notes.follower.place(end)) for end in one.ends)
-    head = {"id": one.id, "deleted": one.deleted, "metres": one.metres, "who": one.who, "utc": one.utc}
-    return {**head, "from": first, "to": second}
+def _known(notes: Notes, one: KnownDistance) -> DistanceAnswer:
+    first, second = (place_answer(end, notes.follower.place(end)) for end in one.ends)
+    return DistanceAnswer(
+        id=one.id, deleted=one.deleted, metres=one.metres, who=one.who, utc=one.utc, from_=first, to=second
+    )

@@ -17,8 +17,9 @@ from gcs_mosaic.notes.exports import as_kml
 from gcs_mosaic.notes.finds import Find
 from gcs_mosaic.notes.told import GeoPlace, placed
 from gcs_mosaic.web.api.notes import NOTES
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import MOBAC_NAME, MapAddresses, addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, MAP, document, map_now
+from gcs_mosaic.web.maps.common import FLIGHT, MAP, NOTHING, OF_FLIGHT, LookQuery, TokenQuery, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
 
 REFRESH_MS = (
@@ -29,20 +30,34 @@ OURS = uuid.UUID("6c1b8f0e-5f0b-4c39-9a53-8a5a0f7f5c11")  # of names of flights
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # of files in the package, so that it differs only where they do
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{FLIGHT}/{MOBAC_NAME}", source)
-    app.router.add_get(f"{FLIGHT}/gcs-mosaic.zip", package)
+OPERATIONS = Operations()
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/{MOBAC_NAME}",
+    Reply("The document.", Media(("application/xml",)), tagged=True),
+    query=LookQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def source(request: web.Request) -> web.StreamResponse:
-    """GET: the map source, under a name that ATAK takes for an overlay's."""
+    """A map source for ATAK and WinTAK (MOBAC's XML), under a name that ATAK takes for an overlay's."""
     now = await map_now(request)
     text = mobac(now, addresses_for(request, now.flight))
     return document(request, text, "application/xml", MOBAC_NAME)
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/gcs-mosaic.zip",
+    Reply("The package.", Media(("application/zip",))),
+    query=TokenQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def package(request: web.Request) -> web.StreamResponse:
-    """GET: a data package: the map source and the finds, where the map shows them."""
+    """A data package for ATAK: the map source and the finds, where the map shows them."""
     now, notes = await map_now(request), request.app[NOTES]
     finds = await notes.run(notes.finds.all)
     addresses = addresses_for(request, now.flight)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 from aiohttp import web
 
 from gcs_mosaic.geo.mercator import FINEST_LEVEL
 from gcs_mosaic.web.access import MAPS
 from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.api.operations import Failures, Media
 from gcs_mosaic.web.maps.pictures import MapLook, Suffix
 from gcs_mosaic.web.maps.served_map import MapNow, ServedMap
 from gcs_mosaic.web.tile_answer import tile_answer
@@ -20,9 +23,37 @@ TILE = "{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
 ISLAND = re.compile("[0-9]{1,6}")
 NO_ANCHOR = "Nothing is shown here yet: no island of the flight has an anchor. Set two pins on the page, under Anchor."
 
+PICTURES = Media(("image/png", "image/jpeg", "image/webp"))
+OF_FLIGHT = {"flight": "The flight's name in addresses, as /maps of this API tells it."}
+NOTHING: Failures = {
+    404: "Another flight's name, or nothing of that number.",
+    503: "The notes, which hold the anchors, cannot be read now.",
+}
+
 MAP = web.AppKey("map", ServedMap)
 ADDRESS = web.AppKey("address", HttpAddress)
 CORS = web.AppKey("cors", bool)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TokenQuery:
+    """Who asks."""
+
+    token: Annotated[str | None, "for programs that cannot keep a cookie; with GET only"] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookQuery(TokenQuery):
+    """What is shown."""
+
+    underlay: Annotated[Literal["1"] | None, "over the map that the settings name"] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TileQuery(LookQuery):
+    """What is shown of which island."""
+
+    island: Annotated[int | None, "this one alone"] = None
 
 
 async def map_now(request: web.Request) -> MapNow:

@@ -15,8 +15,9 @@ from aiohttp import web
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE
 from gcs_mosaic.geotiles.earth_islands import Bounds
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import MapAddresses, addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, TILE, about, document, map_now
+from gcs_mosaic.web.maps.common import FLIGHT, NOTHING, OF_FLIGHT, TILE, TokenQuery, about, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
 
 MEDIA = "application/vnd.google-earth.kml+xml"
@@ -28,19 +29,33 @@ HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.n
 TAIL = "</Document></kml>\n"
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{FLIGHT}/map.kml", start)
-    app.router.add_get(f"{FLIGHT}/kml/{TILE}.kml", part)
+OPERATIONS = Operations()
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/map.kml",
+    Reply("The document.", Media((MEDIA,)), tagged=True),
+    query=TokenQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def start(request: web.Request) -> web.StreamResponse:
-    """GET: what is opened in Google Earth: a link to the coarsest tiles."""
+    """A network link for Google Earth (KML 2.2), to the coarsest tiles."""
     now = await map_now(request)
     return document(request, as_start(now, addresses_for(request, now.flight)), MEDIA, "gcs-mosaic.kml")
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/kml/{TILE}.kml",
+    Reply("The document.", Media((MEDIA,)), tagged=True),
+    query=TokenQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def part(request: web.Request) -> web.StreamResponse:
-    """GET: a tile on the ground, and links to those of the next level."""
+    """A part of the tree that the network link leads to: a tile on the ground, and links to those of the next level."""
     now = await map_now(request)
     level, x, y = (int(request.match_info[name]) for name in ("z", "x", "y"))
     levels = now.pyramid.levels

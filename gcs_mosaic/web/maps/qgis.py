@@ -8,8 +8,9 @@ from xml.sax.saxutils import escape, quoteattr
 from aiohttp import web
 
 from gcs_mosaic.geo.mercator import HALF_WORLD_M
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses, addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, about, document, map_now
+from gcs_mosaic.web.maps.common import FLIGHT, NOTHING, OF_FLIGHT, TokenQuery, about, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
 
 REFRESH_MS = 5000
@@ -24,12 +25,19 @@ IN_ONE_SYSTEM = (  # or the project's own is not read
 WHOLE = (-HALF_WORLD_M, -HALF_WORLD_M, HALF_WORLD_M, HALF_WORLD_M)
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{FLIGHT}/gcs-mosaic.qgs", project)
+OPERATIONS = Operations()
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/gcs-mosaic.qgs",
+    Reply("The document.", Media(("application/x-qgis-project",)), tagged=True),
+    query=TokenQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def project(request: web.Request) -> web.StreamResponse:
-    """GET: the project, to be opened in QGIS."""
+    """A project for QGIS."""
     now = await map_now(request)
     text = as_project(now, addresses_for(request, now.flight))
     return document(request, text, "application/x-qgis-project", "gcs-mosaic.qgs")

@@ -8,6 +8,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.access import MAPS
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api.notes import NOTES
+from gcs_mosaic.web.api.operations import add_operations
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.maps import atak, kml, qgis, wms, wmts, xyz
 from gcs_mosaic.web.maps.common import ADDRESS, CORS, MAP
@@ -15,7 +16,7 @@ from gcs_mosaic.web.maps.served_map import ServedMap
 from gcs_mosaic.web.maps.underlay import underlay_of
 from gcs_mosaic.web.settings import WebSettings
 
-PROTOCOLS = (xyz, wms, wmts, atak, kml, qgis)  # modules with `add_routes`
+PROTOCOLS = (xyz, wms, wmts, atak, kml, qgis)  # modules with OPERATIONS
 
 
 def add_maps(app: web.Application, view: FlightView, feed: Feed, settings: WebSettings, address: HttpAddress) -> None:
@@ -26,8 +27,9 @@ def add_maps(app: web.Application, view: FlightView, feed: Feed, settings: WebSe
     app.on_cleanup.append(_end)
     if settings.cors:
         app.on_response_prepare.append(let_other_sites_read)
+    wms.keep_turns(app)
     for protocol in PROTOCOLS:
-        protocol.add_routes(app)
+        add_operations(app, protocol.OPERATIONS)
 
 
 async def let_other_sites_read(request: web.Request, response: web.StreamResponse) -> None:

@@ -9,6 +9,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from aiohttp import web
@@ -18,8 +19,9 @@ from gcs_mosaic.geotiles.picture_grid import PictureGrid, grid_of_tile
 from gcs_mosaic.geotiles.pyramid import BLOCK
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.stitch.arrays import ImageBGRA
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, MAP, document, map_now, tile_of
+from gcs_mosaic.web.maps.common import FLIGHT, MAP, NOTHING, OF_FLIGHT, PICTURES, LookQuery, document, map_now, tile_of
 from gcs_mosaic.web.maps.pictures import encoded
 from gcs_mosaic.web.maps.served_map import MapNow
 from gcs_mosaic.web.maps.wms_capabilities import capabilities, fault_document
@@ -57,15 +59,39 @@ class LargePictures:
 
 
 LARGE = web.AppKey("large_pictures", LargePictures)
+ANSWERS = Media((*PICTURES.types, "text/xml", "application/vnd.ogc.wms_xml", "application/vnd.ogc.se_xml"))
+OPERATIONS = Operations()
 
 
-def add_routes(app: web.Application) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WmsQuery(LookQuery):
+    """As the standard has it."""
+
+    REQUEST: Annotated[
+        str | None,
+        "GetCapabilities or GetMap; the others as the standard has them. "
+        "EPSG:3857, EPSG:4326, CRS:84; at most 4096 px a side and 8,388,608 in all.",
+    ] = None
+
+
+def keep_turns(app: web.Application) -> None:
+    """For requests to come."""
     app[LARGE] = LargePictures()
-    app.router.add_get(f"{FLIGHT}/wms", wms)
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/wms",
+    Reply("Capabilities, a picture, or a ServiceExceptionReport.", ANSWERS, tagged=True),
+    query=WmsQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def wms(request: web.Request) -> web.StreamResponse:
-    """GET: GetCapabilities or GetMap; what cannot be answered is refused as the protocol does, in an answer that is a success."""
+    """WMS 1.1.1 and 1.3.0: GetCapabilities and GetMap; names of parameters in any case.
+
+    What cannot be answered is refused as the protocol does, in an answer that is a success.
+    """
     now = await map_now(request)
     asked = lower_names(request.query)
     version = version_of(asked)

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
 from xml.sax.saxutils import escape, quoteattr
 
 from aiohttp import web
 
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, resolution_m
 from gcs_mosaic.geotiles.pyramid import OVERZOOM
+from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses, addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, about, document, look_of, map_now, tile_of
+from gcs_mosaic.web.maps.common import (
+    FLIGHT,
+    NOTHING,
+    OF_FLIGHT,
+    PICTURES,
+    LookQuery,
+    about,
+    document,
+    look_of,
+    map_now,
+    tile_of,
+)
 from gcs_mosaic.web.maps.pictures import MEDIA_TYPES
 from gcs_mosaic.web.maps.served_map import MapNow
 from gcs_mosaic.web.maps.wms_request import FORMATS, lower_names
@@ -20,21 +34,42 @@ SPACES = f'xmlns="http://www.opengis.net/wmts/1.0" xmlns:ows="{OWS}" xmlns:xlink
 MATRICES = "GoogleMapsCompatible"
 PIXEL_M = 0.00028  # of the standard's screen
 LEVELS = 25  # matrices that are told
+DOCUMENT = Media(("application/xml",))
+REPORT = Reply("An ExceptionReport.", DOCUMENT)
+OPERATIONS = Operations()
 
 
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{FLIGHT}/wmts", by_pairs)
-    app.router.add_get(f"{FLIGHT}/wmts/1.0.0/WMTSCapabilities.xml", by_address)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WmtsQuery(LookQuery):
+    """As the standard has it."""
+
+    Request: Annotated[str | None, "GetCapabilities or GetTile; GoogleMapsCompatible"] = None
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/wmts/1.0.0/WMTSCapabilities.xml",
+    Reply("The document.", DOCUMENT, tagged=True),
+    query=LookQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def by_address(request: web.Request) -> web.StreamResponse:
-    """GET: the capabilities."""
+    """WMTS 1.0.0 by addresses: the capabilities."""
     now = await map_now(request)
     return document(request, capabilities(now, addresses_for(request, now.flight)), "application/xml")
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/wmts",
+    Reply("Capabilities or a tile.", Media((*PICTURES.types, *DOCUMENT.types)), tagged=True),
+    query=WmtsQuery,
+    about=OF_FLIGHT,
+    failures={**NOTHING, 400: REPORT, 501: REPORT},
+)
 async def by_pairs(request: web.Request) -> web.StreamResponse:
-    """GET: GetCapabilities or GetTile; what cannot be answered is told as an ExceptionReport."""
+    """WMTS 1.0.0 by key-value pairs: GetCapabilities and GetTile; what cannot be answered is told as an ExceptionReport."""
     now = await map_now(request)
     asked = lower_names(request.query)
     wanted = asked.get("request", "").lower()

@@ -8,25 +8,52 @@ from typing import Any, cast
 from aiohttp import web
 
 from gcs_mosaic.geotiles.pyramid import OVERZOOM
+from gcs_mosaic.web.api.operations import Operations, Reply
 from gcs_mosaic.web.maps.addresses import addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, TILE, about, document, look_of, map_now, tile_of
+from gcs_mosaic.web.maps.common import (
+    FLIGHT,
+    NOTHING,
+    OF_FLIGHT,
+    PICTURES,
+    TILE,
+    LookQuery,
+    TileQuery,
+    about,
+    document,
+    look_of,
+    map_now,
+    tile_of,
+)
 from gcs_mosaic.web.maps.pictures import Suffix
 
-
-def add_routes(app: web.Application) -> None:
-    app.router.add_get(f"{FLIGHT}/{TILE}.{{suffix:(png|jpg|webp)}}", tile)
-    app.router.add_get(f"{FLIGHT}/tilejson.json", tilejson)
+OPERATIONS = Operations()
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/{TILE}.{{suffix:(png|jpg|webp)}}",
+    Reply("The tile.", PICTURES, tagged=True),
+    query=TileQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def tile(request: web.Request) -> web.StreamResponse:
-    """GET ?island=&underlay=1: a tile of 256 px; transparent where nothing was seen, never 404 within the grid."""
+    """An XYZ tile of 256 px (EPSG:3857); transparent where nothing was seen, never 404 within the grid."""
     await map_now(request)
     level, x, y = (int(request.match_info[name]) for name in ("z", "x", "y"))
     return await tile_of(request, level, x, y, look_of(request, cast("Suffix", request.match_info["suffix"])))
 
 
+@OPERATIONS.add(
+    "GET",
+    f"{FLIGHT}/tilejson.json",
+    Reply("The document.", dict, tagged=True),
+    query=LookQuery,
+    about=OF_FLIGHT,
+    failures=NOTHING,
+)
 async def tilejson(request: web.Request) -> web.StreamResponse:
-    """GET: TileJSON 3.0; `revision` is another whenever something looks different."""
+    """TileJSON 3.0; `revision` is another whenever something looks different."""
     now = await map_now(request)
     addresses = addresses_for(request, now.flight)
     told: dict[str, Any] = {

@@ -39,6 +39,7 @@ export class Absent {
   }
 }
 
+/** @param {Api.AbsentShot} shot */
 function mark({ name, reason, place: [x, y] }) {
   const icon = L.divIcon({ className: "absent", html: "", iconSize: [30, 30] });
   const why = said(reason);

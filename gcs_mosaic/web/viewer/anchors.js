@@ -75,6 +75,7 @@ export class Anchors {
     if (anchor) arrow.style.rotate = `calc(${anchor.north_deg}deg + var(--turn, 0deg))`;
   }
 
+  /** @param {Api.Pin} pin */
   row(pin) {
     const laid = this.answer.islands.find((one) => one.pins?.includes(pin.id));
     const residual = laid?.residuals_m?.[laid.pins.indexOf(pin.id)];
@@ -151,6 +152,7 @@ function sentence(laid) {
   return t("Laid by {n} pins that fit: ± {m} m (95 %) in the middle.", { n: laid.points, m: error });
 }
 
+/** @param {Api.Pin} pin */
 function nameOf(pin) {
   const corner = cornerOf(pin.label);
   return corner ? t("corner {n}", { n: corner }) : pin.label || `pin ${pin.id}`;

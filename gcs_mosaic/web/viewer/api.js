@@ -4,8 +4,16 @@
 const TIMEOUT_MS = 8000;
 const KEY = "gcs-mosaic who";
 
-/** The answer to a request that changes something. Throws an Error with the server's own sentence. */
-export async function send(method, path, body = {}) {
+/**
+ * The answer to a request that changes something. Throws an Error with the server's own sentence.
+ * @template {string} Method
+ * @template {string} Path
+ * @param {Method} method
+ * @param {Path} path
+ * @param {Api.BodyOf<Method, `/api/v1${Path}`>} body
+ * @returns {Promise<Api.AnswerTo<Method, `/api/v1${Path}`> & { isOutdated: boolean }>}
+ */
+export async function send(method, path, body = /** @type {any} */ ({})) {
   const response = await fetch(`/api/v1${path}`, {
     method,
     headers: { "Content-Type": "application/json" },
@@ -33,7 +41,13 @@ export function setWho(name) {
   }
 }
 
-/** Run something that writes; what goes wrong is said in an element. */
+/**
+ * Run something that writes; what goes wrong is said in an element.
+ * @template Done
+ * @param {HTMLElement} said
+ * @param {() => Promise<Done>} action
+ * @returns {Promise<Done | null>}
+ */
 export async function trying(said, action) {
   said.textContent = "";
   try {

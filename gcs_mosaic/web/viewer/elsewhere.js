@@ -72,6 +72,7 @@ export class Elsewhere {
     this.timer = setTimeout(() => this.read(), EACH_MS);
   }
 
+  /** @param {Api.MapsForOthers} answer */
   show(answer) {
     this.told.textContent = whatIsShown(answer);
     this.reach.textContent = whoReachesIt(answer);
@@ -101,6 +102,7 @@ class Station {
     this.shown = "";
   }
 
+  /** @param {Api.MapsForOthers} answer */
   show(answer) {
     const { name, address, base, links = [], isPage } = this.station;
     const all = { ...answer.addresses, ...(base ? answer.over_underlay : null) };
@@ -147,12 +149,14 @@ async function copied(field) {
   }
 }
 
+/** @param {Api.MapsForOthers} answer */
 function whatIsShown({ islands, unanchored, error_m }) {
   if (!islands.length) return t("Nothing is shown on other maps: no part of the flight has an anchor. Set two pins under Anchor.");
   const shown = t("Shown on other maps, ± {m} m (95 %) at the worst corner.", { m: Math.ceil(error_m) });
   return unanchored.length ? `${shown} ${t("Not shown, without an anchor: island {ids}.", { ids: unanchored.join(", ") })}` : shown;
 }
 
+/** @param {Api.MapsForOthers} answer */
 function whoReachesIt({ reach, needs_token }) {
   if (reach === "loopback") return t("Others cannot reach these addresses: the page is served to this machine alone. Start gcs-mosaic with --http 0.0.0.0:8470 to let them.");
   if (reach === "nowhere") return t("Others cannot reach these addresses: this machine is on no network.");

@@ -15,6 +15,7 @@ export class Finds {
     this.map = map;
     this.pointing = pointing;
     this.showOriginal = showOriginal;
+    /** @type {Api.Find[]} */
     this.finds = [];
     this.pins = L.layerGroup().addTo(map.map);
     this.form = byId("finds-form");
@@ -65,6 +66,7 @@ export class Finds {
     if (this.map.layer && this.drawn !== this.map.layer.island) this.drawMarkers();
   }
 
+  /** @param {Api.Find} find */
   row(find) {
     const { frame } = find;
     const picture = frame?.number == null ? [] : [element("img", {
@@ -82,12 +84,14 @@ export class Finds {
       button("Edit", () => this.edit(find)), button("Delete", () => this.remove(find))));
   }
 
+  /** @param {Api.Find} find */
   goTo(find) {
     if (this.map.layer?.island !== find.island) this.map.chooseIsland(find.island);
     this.map.setMode("free");
     this.map.map.setView([find.y, find.x], Math.max(this.map.map.getZoom(), 16), { animate: false });
   }
 
+  /** @param {Api.Find} find */
   open(find) {
     this.goTo(find);
     this.showOriginal(find);
@@ -103,6 +107,7 @@ export class Finds {
     this.fill({ label: "", kind: "", note: "" });
   }
 
+  /** @param {Api.Find} find */
   edit(find) {
     this.place = null;
     this.edited = find;
@@ -136,6 +141,7 @@ export class Finds {
     await this.read();
   }
 
+  /** @param {Api.Find} find */
   async remove(find) {
     const answer = await trying(this.said, () => send("DELETE", `/finds/${find.id}`, { revision: find.revision }));
     if (answer && !answer.isOutdated) {
@@ -154,6 +160,7 @@ export class Finds {
   }
 }
 
+/** @param {Api.Find} find */
 function nameOf(find) {
   return find.label || find.kind || t("Find");
 }

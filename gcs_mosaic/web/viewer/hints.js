@@ -27,6 +27,7 @@ export class Hints {
     this.map = map;
     this.pointing = pointing;
     this.showOriginal = showOriginal;
+    /** @type {Api.Hint[]} */
     this.hints = [];
     this.marks = L.layerGroup();
     this.known = "";
@@ -66,6 +67,7 @@ export class Hints {
     return answer;
   }
 
+  /** @param {Api.Hints} answer */
   show(answer) {
     const text = JSON.stringify([answer, this.map.layer?.island]);
     if (text === this.known) return;
@@ -115,6 +117,7 @@ export class Hints {
     }
   }
 
+  /** @param {Api.Hint} hint */
   goTo(hint) {
     if (!hint.place) return this.showOriginal(hint);
     if (this.map.layer?.island !== hint.island) this.map.chooseIsland(hint.island);
@@ -129,6 +132,7 @@ export class Hints {
     if (this.on.ariaPressed !== "true") await this.change(() => send("POST", "/hints", { on: true }));
   }
 
+  /** @param {Api.Hint} hint */
   async dismiss(hint) {
     if (await this.change(() => send("POST", "/hints/dismissed", { hint: hint.hint }))) {
       this.dismissed = hint;
@@ -142,6 +146,7 @@ export class Hints {
   }
 }
 
+/** @param {Api.Hints} answer */
 function told({ on, state, trouble, searched, failed, frames }) {
   if (!on) return t("Hints are off.");
   const rest = trouble || (state in STATES && t(STATES[state]));
@@ -156,11 +161,13 @@ function nameOf(hint, colours) {
   return colour ? `${reason} ${colour.label || hex(colour)}` : reason;
 }
 
+/** @param {Api.Hint} hint */
 function cropOf({ frame, pixel, size }) {
   const side = Math.min(CROP_MOST, Math.max(CROP_LEAST, Math.round(CROP_AROUND * Math.max(...size))));
   return `/api/v1/frames/${frame}/crop.jpg?x=${Math.round(pixel[0])}&y=${Math.round(pixel[1])}&side=${side}`;
 }
 
+/** @param {Api.PickedColour} colour */
 function hex({ rgb }) {
   return `#${rgb.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
 }

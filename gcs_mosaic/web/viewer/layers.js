@@ -67,6 +67,7 @@ export class Layers {
     this.tiles.addTo(this.map);
   }
 
+  /** @param {Api.LayerLegend} legend */
   showLegend(legend) {
     const box = byId("legend");
     box.hidden = !legend;
@@ -96,8 +97,12 @@ export class Layers {
   }
 }
 
-/** Dashed vermilion on black: seen on any ground, and by eyes that do not tell red from green. */
+/**
+ * Dashed vermilion on black: seen on any ground, and by eyes that do not tell red from green.
+ * @param {Api.Gap} gap
+ */
 function gapLayer({ outline, words }) {
+  /** @type {[number, number][]} */
   const corners = outline.map(([x, y]) => [y, x]);
   const line = (color, weight, dashArray) => L.polygon(corners, { color, weight, dashArray, fillColor: "#d55e00", fillOpacity: 0.25 });
   const group = L.featureGroup([line("#000", 5), line("#ff8a3d", 3, "8 6")]);

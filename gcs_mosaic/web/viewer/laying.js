@@ -195,7 +195,7 @@ export class Laying {
       await send("POST", "/pins", { island: this.island.id, x: place[0], y: place[1], latitude, longitude, sigma_m, label: LABELS[at] });
     }
     for (const { id } of before) await send("DELETE", `/pins/${id}`);
-    return (await fetchDocument("/api/v1/anchors")).islands.find(ours) ?? {};
+    return (await fetchDocument("/api/v1/anchors")).islands.find(ours) ?? { refused: null };
   }
 
   end() {

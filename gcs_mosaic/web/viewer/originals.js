@@ -20,6 +20,7 @@ export class Originals {
   constructor() {
     this.box = byId("originals");
     this.map = null;
+    /** @type {Api.Sighting[]} */
     this.found = [];
     this.at = 0; // which of them is shown
     this.before = 0; // which was shown before, to blink with
@@ -97,6 +98,7 @@ export class Originals {
     this.tell(one, index);
   }
 
+  /** @param {Api.Sighting} one */
   layPicture(one) {
     this.layers?.remove();
     const bounds = L.latLngBounds([-0.5, -0.5], [one.height - 0.5, one.width - 0.5]);

@@ -85,6 +85,7 @@ export class Reviews {
     this.draw(answer);
   }
 
+  /** @param {Api.Reviewed} answer */
   draw({ cell, reviewed, missing, reviewers }) {
     this.shade.clearLayers();
     const { renderer } = this;

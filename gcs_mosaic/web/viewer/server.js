@@ -20,7 +20,12 @@ export function ageOf(moment) {
   return moment ? Math.max(0, (serverNow() - Date.parse(moment)) / 1000) : null;
 }
 
-/** A JSON document, or null if it is not written yet. Throws when the server does not answer. */
+/**
+ * A JSON document, or null if it is not written yet. Throws when the server does not answer.
+ * @template {string} Path
+ * @param {Path} path
+ * @returns {Promise<Api.AnswerTo<"GET", Path>>}
+ */
 export async function fetchDocument(path) {
   return (await answerTo(path))?.json() ?? null;
 }
