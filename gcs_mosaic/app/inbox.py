@@ -6,25 +6,27 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 
 from gcs_mosaic.app.links import Item, ItemSource, Report
-from gcs_mosaic.app.stream_requests import asking
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.directory import Taken, watch
+from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.keeper import stream
-from gcs_mosaic.frames.rtsp.requests import Requests
+from gcs_mosaic.frames.rtsp.requests import Offer, Requests
 from gcs_mosaic.frames.rtsp.source import stream_name
 from gcs_mosaic.frames.video.reading import Known
 from gcs_mosaic.frames.video.watched import Room, WatchedVideos
 from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.mavlink.tlog_writer import Recording
-from gcs_mosaic.messages import DroppedFrame, Frame, LinkReport, Notice, SourceReport
+from gcs_mosaic.messages import CaptureResult, DroppedFrame, Frame, LinkReport, Notice, SourceReport, StreamOffer
 from gcs_mosaic.store.folder import RECORDING_NAME
+from gcs_mosaic.triggers.shots import CameraMessage, New
 
 logger = logging.getLogger(__name__)
 
@@ -182,3 +184,23 @@ def _thread_name(source: SourceReport) -> str:
 
 def _watching_of(source: SourceReport) -> str:
     return f"the stream {source.name}" if source.kind == "stream" else f"the watching of {source.name}"
+
+
+T = TypeVar("T")
+
+
+def asking(items: Iterator[T], requests: Requests, trust: Trust, vehicle: int | None = None) -> Iterator[T]:
+    """Pass on a link's items, requesting one frame per shot after the consumer has handled the item. `vehicle`: only of this
+    aircraft's shots; None: of all."""
+    for item in items:
+        yield item
+        match item:
+            case CameraMessage(event=event, verdict=New(moment)) if _is_of(event.vehicle, vehicle):
+                if event.result is not CaptureResult.FAILED:
+                    requests.put(Ask(moment, event, is_trusted=event.teller in trust.sources))
+            case StreamOffer() if _is_of(item.vehicle, vehicle):
+                requests.put(Offer(item.url))
+
+
+def _is_of(sender: int, vehicle: int | None) -> bool:
+    return vehicle is None or sender == vehicle

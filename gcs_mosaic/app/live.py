@@ -13,10 +13,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from gcs_mosaic.app.backlog import Backlog
 from gcs_mosaic.app.driver import Driver
 from gcs_mosaic.app.event_log import EventLog
-from gcs_mosaic.app.fleet import Fleet
 from gcs_mosaic.app.flight_log import flight_log
 from gcs_mosaic.app.flight_page import FlightPage
 from gcs_mosaic.app.frame_sources import (
@@ -38,7 +36,7 @@ from gcs_mosaic.app.resuming import OpenedFlight, open_flight, runs_of, told_aga
 from gcs_mosaic.app.rewritten import PREVIEW, SeenPictures, as_whole_of_damaged, taken_as_rewritten
 from gcs_mosaic.app.service_manager import ServiceManager
 from gcs_mosaic.app.shutdown import Shutdown
-from gcs_mosaic.app.status import Reporter
+from gcs_mosaic.app.status import Backlog, Fleet, Reporter
 from gcs_mosaic.app.statustext import Announcements
 from gcs_mosaic.app.turns import AsTheyCame, InTurn, NewestFirst, Turns, prepared_at_once
 from gcs_mosaic.app.unread import UnreadFrames

@@ -7,7 +7,7 @@ import logging
 import sqlite3
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from gcs_mosaic.app.conditions import Conditions, Facts
-from gcs_mosaic.messages import LinkReport, Notice, SourceReport, Topic
+from gcs_mosaic.messages import Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.store.disk import CannotWrite, DiskFull, overwrite, write_beside
 from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
 from gcs_mosaic.store.ledger import Ledger
@@ -173,3 +173,63 @@ class Reporter:
             logger.debug("%s cannot be written beside", self._path.name, exc_info=True)
             with suppress(DiskFull, OSError):
                 overwrite(self._path, data)
+
+
+Aircraft = int | None  # None: frames of one source for all
+
+
+class Fleet:
+    """The aircraft of a flight. `counted` tells those whose triggers count; `several`: whether there may be more than one."""
+
+    def __init__(self, counted: Callable[[], Iterable[int]], ledger: Ledger, *, several: bool = True) -> None:
+        self._counted, self._ledger, self._several = counted, ledger, several
+        self._last: dict[Aircraft, LastFrame] = {}
+
+    def processed(self, vehicle: Aircraft, frame: LastFrame) -> None:
+        """A frame of this aircraft has had its turn."""
+        self._last[vehicle] = frame
+
+    def status(
+        self, waiting: Sequence[Frame], sources: Mapping[Aircraft, SourceReport], now_s: float
+    ) -> tuple[AircraftStatus, ...]:
+        """Each aircraft at the monotonic time `now_s`; `waiting`: the frames whose turn has not come."""
+        if not self._several:
+            return ()
+        accounts = self._ledger.accounts_of_aircraft()
+        # Those of the ledger too: one that has flown may have landed before a resumed flight went on.
+        systems = set(self._counted()) | {vehicle for vehicle in sources if vehicle is not None} | accounts.keys()
+        return tuple(
+            AircraftStatus(
+                system=system,
+                source=sources.get(system),
+                behind=_behind([frame for frame in waiting if frame.vehicle == system], now_s),
+                last_frame=self._last.get(system),
+                **({"accounts": accounts[system]} if system in accounts else {}),
+            )
+            for system in sorted(systems)
+        )
+
+
+def _behind(waiting: Sequence[Frame], now_s: float) -> Behind:
+    return Behind(frames=len(waiting), seconds=max((now_s - frame.received for frame in waiting), default=0.0))
+
+
+SAID_FROM_S = 10.0  # behind: less is a burst of the camera
+
+
+class Backlog:
+    """Notices of one flight: one as the map falls behind, another each time that has doubled, one when it has caught up."""
+
+    def __init__(self) -> None:
+        self._said_s = 0.0  # 0: not behind
+
+    def notice(self, behind: Behind) -> Notice | None:
+        """What is to be said of the present backlog, if anything."""
+        if self._said_s and not behind.frames:
+            self._said_s = 0.0
+            return Notice(source="daemon", level="info", text="the map has caught up: every frame has had its turn")
+        if behind.seconds < max(SAID_FROM_S, 2 * self._said_s):
+            return None
+        self._said_s = behind.seconds
+        text = f"the map is {behind.frames} frames, {behind.seconds:.0f} s behind: the newest are stitched first"
+        return Notice(source="daemon", level="warning", text=text)

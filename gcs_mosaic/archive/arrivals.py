@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
-from gcs_mosaic.archive.grouped import grouped
 from gcs_mosaic.archive.sources import SourceFile
-from gcs_mosaic.archive.tasks import Parts, Passing, StageTask, Unmade, task
+from gcs_mosaic.archive.tasks import Made, Parts, Passing, StageTask, Unmade, task
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import content_hash
@@ -83,3 +82,21 @@ def bytes_of_file(file: SourceFile) -> bytes:
         return file.read()
     except OSError as error:
         raise Passing(f"cannot be read ({error.strerror})") from None
+
+
+T = TypeVar("T")
+
+
+def grouped(
+    engine: Engine, stage: str, items: Sequence[T], of: Callable[[tuple[T, ...]], StageTask], size: int
+) -> list[Any]:
+    """What the summaries of tasks `of` groups of items hold for each item, or Unmade. Raises FlightFailed as `Engine.run`."""
+    groups = [tuple(items[at : at + size]) for at in range(0, len(items), size)]
+    found: list[Any] = []
+    for group, outcome in zip(groups, engine.run(stage, [of(group) for group in groups]), strict=True):
+        if isinstance(outcome, Made):
+            found += outcome.summary
+            continue
+        for one in engine.run(f"{stage}, one by one", [of((item,)) for item in group]):
+            found += one.summary if isinstance(one, Made) else [Unmade(one.reason)]
+    return found

@@ -7,19 +7,21 @@ import logging
 import select
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Literal
 
 from gcs_mosaic.mavlink.address import LinkAddress
+from gcs_mosaic.mavlink.messages import MavMessage
 from gcs_mosaic.mavlink.parser import PacketReader
 from gcs_mosaic.mavlink.received import Arrival
 from gcs_mosaic.mavlink.serial_port import open_serial, require_termios
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.sockets import listen_tcp
-from gcs_mosaic.mavlink.stall import STALLED_S, spread
 from gcs_mosaic.messages import Notice
 
 logger = logging.getLogger(__name__)
+
+STALLED_S = 1.0  # a read this much later than it should have returned
 
 _CHUNK = 4096
 _MOST_HELD = 1 << 22  # bytes of a pause that are read at once; more than the kernel holds
@@ -260,3 +262,16 @@ def serial(address: LinkAddress, mode: Mode = "rb") -> Opener:
         return open_serial(address.device, address.baud, writing=mode == "rwb")
 
     return open_device
+
+
+def spread(messages: Iterable[MavMessage], size: int, start: float, end: float) -> Iterator[Arrival]:
+    """The messages in `size` bytes that were all read at `end`, after the program had stood still since `start` (a suspended
+    laptop, SIGSTOP), dated at an even rate in between.
+
+    The kernel tells no receive times here, but telemetry comes evenly. That dates messages without a time of their own;
+    senders' clocks must not learn from it, so it is marked as an estimate (`latest`).
+    """
+    position = 0
+    for message in messages:
+        position += len(message.get_msgbuf())
+        yield Arrival(message, start + (end - start) * min(position / size, 1.0), latest=end)

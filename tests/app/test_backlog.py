@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gcs_mosaic.app.backlog import Backlog
+from gcs_mosaic.app.status import Backlog
 from gcs_mosaic.store.status import Behind
 
 

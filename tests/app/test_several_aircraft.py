@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.app.event_log import EventLog
-from gcs_mosaic.app.fleet import Fleet
 from gcs_mosaic.app.frame_sources import elsewhere, frame_sources, taken_of
+from gcs_mosaic.app.status import Fleet
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError

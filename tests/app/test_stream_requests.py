@@ -6,7 +6,7 @@ import threading
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gcs_mosaic.app.stream_requests import asking
+from gcs_mosaic.app.inbox import asking
 from gcs_mosaic.frames.rtsp import source
 from gcs_mosaic.frames.rtsp.address import AUTO, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask

@@ -10,7 +10,7 @@ import pytest
 from gcs_mosaic.mavlink.arrival_clock import ArrivalClock
 from gcs_mosaic.mavlink.datagrams import DatagramReader
 from gcs_mosaic.mavlink.received import Arrival
-from gcs_mosaic.mavlink.stall import spread
+from gcs_mosaic.mavlink.streams import spread
 from tests.mavlink.mavlink_peer import received, trigger
 
 UTC = 1.75e9  # at the monotonic clock's zero

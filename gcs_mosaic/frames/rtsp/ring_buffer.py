@@ -7,12 +7,14 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
-from gcs_mosaic.frames.rtsp.sharpness import sharpness
 from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey
+
+_BLOCKS = (24, 18)  # columns and rows of the grid of `sharpness`
 
 
 class VideoPicture(Protocol):
@@ -100,3 +102,10 @@ class Ring:
         too_many = self._bytes > self._most_bytes
         self.cut_short |= too_many and not too_old
         return too_old or too_many
+
+
+def sharpness(grey: NDArray[np.uint8]) -> float:
+    """Median energy of the Laplacian (Nayar and Nakagawa 1994) over a grid of blocks: hard edges such as text overlaid by the
+    camera must not hide blur everywhere else."""
+    laplacian = cv2.Laplacian(grey, cv2.CV_32F)
+    return float(np.median(cv2.resize(laplacian * laplacian, _BLOCKS, interpolation=cv2.INTER_AREA)))

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from gcs_mosaic.frames.rtsp.ring_buffer import sharpness
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.frames.rtsp.sharpness import sharpness
 
 GROUND = cv2.resize(
     np.random.default_rng(0).integers(40, 215, (90, 120)).astype(np.uint8), (640, 480), interpolation=cv2.INTER_CUBIC
