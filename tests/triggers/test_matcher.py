@@ -277,6 +277,16 @@ def test_a_frame_that_its_event_gives_up_for_the_named_one_finds_another() -> No
     assert flight.pairs() == {0: "b.jpg", 1: "a.jpg"}
 
 
+def test_a_frame_that_is_given_up_stays_with_the_robbed_event_that_names_it() -> None:
+    """A camera overwrites its one file; which frame the second shot had is known from before a restart."""
+    flight = Flight().fly((0, shot(0.0, hint="b.jpg")), (1, shot(20.0, hint="b.jpg")), file(20.5, "b.jpg"))
+    flight.fly((2, shot(22.0)), file(22.5, "a.jpg"))
+    flight.outcomes += flight.pairing.improve(2, shot(23.0, hint="b.jpg"), 23.0)
+    assert flight.pairs() == {1: "b.jpg", 2: "a.jpg"}
+    flight.outcomes += flight.pairing.known(1, "a.jpg")
+    assert flight.pairs() == {1: "a.jpg", 2: "b.jpg"}
+
+
 @pytest.mark.parametrize("name", ["DSC{:05d}.JPG", "dsc{:05d}.jpg", "sub/DSC{:05d}_W.JPG"])
 def test_a_raw_picture_that_is_named_means_the_file_of_its_stem(name: str) -> None:
     """The camera names DSC00501.ARW and delivers DSC00501.JPG; two were lost. Every pair was one off."""
