@@ -6,7 +6,6 @@ By name alone, so that two things of one name hold each other up: what is found 
 from __future__ import annotations
 
 import ast
-from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -21,14 +20,13 @@ OTHERS = {
     "FindThings": "what an extension is to offer",
     "use_pause": "for programs that embed a flight",
 }
-OWN_USES = 4  # nothing refers more often to itself
 TAKEN_BY = {"OPERATIONS"}  # decorators of these hand on what they decorate
 DEFINED = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
 @cache
-def sources(*folders: str) -> dict[Path, ast.Module]:
-    paths = [path for folder in folders for path in sorted((fresh.ROOT / folder).rglob("*.py"))]
+def sources(folder: str) -> dict[Path, ast.Module]:
+    paths = sorted((fresh.ROOT / folder).rglob("*.py"))
     return {path: ast.parse(path.read_text(encoding="utf-8")) for path in paths}
 
 
@@ -53,40 +51,36 @@ def parts(nodes: list[ast.expr]) -> Iterator[ast.AST]:
         yield from ast.walk(node)
 
 
-def used(tree: ast.AST) -> Counter[str]:
-    """Names that are read; a text that is one name may be given to getattr, or list what is offered."""
-    names = Counter[str]()
-    for node in ast.walk(tree):
-        match node:
-            case ast.Name(name, ast.Load()) | ast.Attribute(_, name, ast.Load()) | ast.alias(name, str()):
-                names[name] += 1
-            case ast.Constant(str(text)) if text.isidentifier():
-                names[text] += 1
-    return names
+def used(node: ast.AST, inside: frozenset[str] = frozenset()) -> Iterator[str]:
+    """Names that are read, but for what refers to itself: `inside` are the definitions around.
 
-
-def overriding(node: ast.AST, name: str) -> int:
-    """How often the one of this name in a base class is called: whoever calls that one calls this one."""
-    calls = (part for part in ast.walk(node) if isinstance(part, ast.Attribute) and part.attr == name)
-    return sum(isinstance(part.value, ast.Call) and ast.unparse(part.value) == "super()" for part in calls)
+    A text that is one name may be given to getattr, or list what is offered.
+    """
+    match node:
+        case ast.Name(name, ast.Load()) | ast.Attribute(ast.Name("self"), name, ast.Load()):
+            yield from {name} - inside
+        case ast.Attribute(_, name, ast.Load()) | ast.alias(name, str()):
+            yield name
+        case ast.Constant(str(text)) if text.isidentifier():
+            yield text
+    inside = inside | {node.name} if isinstance(node, DEFINED) else inside
+    for part in ast.iter_child_nodes(node):
+        yield from used(part, inside)
 
 
 def only_defined(defining: dict[Path, ast.Module], using: dict[Path, ast.Module]) -> dict[str, str]:
     """What is defined and, but by itself, never used; by name, with its place."""
-    uses = Counter[str]()
-    for tree in using.values():
-        uses.update(used(tree))
+    uses = {name for tree in using.values() for name in used(tree)}
     return {
         name: f"{path.name}:{getattr(node, 'lineno', 0)}"
         for path, tree in defining.items()
         for name, node in defined(tree.body)
-        if not (name.startswith("__") and name.endswith("__"))
-        if uses[name] <= OWN_USES and uses[name] <= used(node)[name] - overriding(node, name)
+        if name not in uses and not (name.startswith("__") and name.endswith("__"))
     }
 
 
 def test_nothing_is_there_for_tests_alone() -> None:
-    found = only_defined(sources("gcs_mosaic"), sources("gcs_mosaic", "sitl"))
+    found = only_defined(sources("gcs_mosaic"), sources("gcs_mosaic") | sources("sitl"))
     assert {name: place for name, place in found.items() if name not in OTHERS} == {}
     assert [name for name in OTHERS if name not in found] == [], "these are used by now, or gone"
 
