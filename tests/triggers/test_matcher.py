@@ -196,6 +196,15 @@ def test_what_is_remembered_is_bounded_and_what_is_given_up_is_said() -> None:
     assert flight.pairing.accounts().pending == 10
 
 
+@pytest.mark.parametrize("lost", ["to another", "altogether"])
+def test_an_event_that_was_given_up_and_loses_its_frame_is_missing(lost: str) -> None:
+    """It stayed pending for ever: nothing looked at it any more."""
+    flight = Flight(remembered=1).fly((0, shot(0.0)), file(1.0, "a.jpg"), (1, shot(2.0)))
+    assert flight.pairs() == {0: "a.jpg"}
+    outcomes = flight.pairing.known(1, "a.jpg") if lost == "to another" else flight.pairing.withdraw("a.jpg")
+    assert Missing(0, shot(0.0)) in outcomes
+
+
 sequences = st.none() | st.integers(0, 5)
 names = st.sampled_from(["IMG_0.JPG", "img_0.jpg", "IMG_1.JPG", "IMG_2.JPG", "x.jpg"])
 steps = st.lists(
