@@ -179,6 +179,7 @@ def run_tests(path: Path, copy: Path) -> NoReturn:
         os.chdir(copy)
         tempfile.tempdir = None
         os.environ |= {"PYTHONPATH": str(copy), "HOME": str(copy), "TMPDIR": str(copy / "temporary")}
+        os.environ["HYPOTHESIS_PROFILE"] = "first"
         ours = [name for name in sys.modules if name.partition(".")[0] in ("tests", "gcs_mosaic", "sitl")]
         for name in ours:
             del sys.modules[name]

@@ -36,6 +36,7 @@ class PairingMachine(RuleBasedStateMachine):
     @initialize(remembered=st.sampled_from([EVERYTHING, EVERYTHING, LITTLE]))
     def begin(self, remembered: int) -> None:
         self.pairing = Pairing(PairingSettings(remembered=remembered))
+        self.remembers_all = remembered == EVERYTHING  # what is not remembered cannot be taken back either
 
     @rule(seconds=st.floats(0, 20))
     def wait(self, seconds: float) -> None:
@@ -70,14 +71,14 @@ class PairingMachine(RuleBasedStateMachine):
     def frame_that_an_event_asked_for(self, name: str, data: st.DataObject) -> None:
         self.follow(self.pairing.frame(frame(self.new(name), self.now), self.now, asked_by=self.an_event(data)))
 
-    @precondition(lambda self: self.frames)
+    @precondition(lambda self: self.frames and self.remembers_all)
     @rule(data=st.data())
     def a_frame_was_none(self, data: st.DataObject) -> None:
         name = data.draw(st.sampled_from(self.frames))
         self.frames.remove(name)
         self.follow(self.pairing.withdraw(name))
 
-    @precondition(lambda self: self.frames)
+    @precondition(lambda self: self.frames and self.remembers_all)
     @rule(name=names, data=st.data())
     def the_whole_picture_of_a_preview(self, name: str, data: st.DataObject) -> None:
         preview = data.draw(st.sampled_from(self.frames))
