@@ -15,6 +15,7 @@ import importlib
 import importlib.util
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -92,9 +93,10 @@ def tried(mutants: list[Mutant], folder: Path, jobs: int) -> int:
         while waiting or running:
             while waiting and copies:
                 copy, mutant = copies.pop(), waiting.pop()
-                if mutant.path not in limits:
-                    limits[mutant.path] = limit_of(mutant, copy)
-                running.append(begun(mutant, copy, limits[mutant.path], len(waiting)))
+                room = mutant.path.parent
+                if room not in limits:
+                    limits[room] = limit_of({one.path for one in mutants if one.path.parent == room}, copy)
+                running.append(begun(mutant, copy, limits[room], len(waiting)))
             time.sleep(0.05)
             for trial in list(running):
                 if (outcome := outcome_of(trial)) is not None:
@@ -126,17 +128,16 @@ def begun(mutant: Mutant, copy: Path, limit_s: float, number: int) -> Trial:
     path.write_text(mutant.text(), encoding="utf-8")
     later = time.time() + 2 * number  # bytecode of the mutant before is told from this one's by whole seconds
     os.utime(path, (later, later))
-    return Trial(mutant, forked(mutant.path, copy), copy, time.monotonic() + limit_s)
+    return Trial(mutant, forked(tests_of(mutant.path), copy), copy, time.monotonic() + limit_s)
 
 
-def limit_of(mutant: Mutant, copy: Path) -> float:
-    """Seconds for the tests of a mutant's file. Raises SystemExit where they fail without it."""
+def limit_of(paths: set[Path], copy: Path) -> float:
+    """Seconds for the tests of a room's files. Raises SystemExit where they fail without a fault."""
     begin = time.monotonic()
-    _, status = os.waitpid(forked(mutant.path, copy), 0)
+    _, status = os.waitpid(forked(sorted({test for path in paths for test in tests_of(path)}), copy), 0)
     if status:
-        sys.exit(
-            f"{mutant.path}: its tests fail without a fault: {(copy / 'said').read_text(errors='replace')[-2000:]}"
-        )
+        said = (copy / "said").read_text(encoding="utf-8", errors="replace")
+        sys.exit(f"the tests of {min(paths).parent} fail without a fault: {said[-2000:]}")
     return max(LEAST_S, PATIENCE * (time.monotonic() - begin))
 
 
@@ -160,15 +161,15 @@ def stop(pid: int) -> None:
         return
 
 
-def forked(path: Path, copy: Path) -> int:
-    """A process that runs the tests of a file in a copy and ends with 0 if all pass."""
+def forked(tests: list[str], copy: Path) -> int:
+    """A process that runs tests in a copy and ends with 0 if all pass."""
     pid = os.fork()
     if pid == 0:
-        run_tests(path, copy)
+        run_tests(tests, copy)
     return pid
 
 
-def run_tests(path: Path, copy: Path) -> NoReturn:
+def run_tests(tests: list[str], copy: Path) -> NoReturn:
     status = 1
     try:
         os.setsid()
@@ -189,7 +190,7 @@ def run_tests(path: Path, copy: Path) -> NoReturn:
         if found is not None and Path(found.origin or "").is_relative_to(copy):
             import pytest
 
-            status = pytest.main(["-x", "-q", "-n0", "-p", "no:cacheprovider", f"--rootdir={copy}", *tests_of(path)])
+            status = pytest.main(["-x", "-q", "-n0", "-p", "no:cacheprovider", f"--rootdir={copy}", *tests])
     except BaseException:
         traceback.print_exc()
     finally:
@@ -216,7 +217,7 @@ def tests_of(path: Path) -> list[str]:
 def imports(test: Path, module: str) -> bool:
     package, _, name = module.rpartition(".")
     text = test.read_text(encoding="utf-8")
-    return module in text or (f"from {package} import" in text and name in text)
+    return module in text or re.search(rf"from {package} import [^\n]*\b{name}\b", text) is not None
 
 
 if __name__ == "__main__":
