@@ -134,7 +134,11 @@ def begun(mutant: Mutant, copy: Path, limit_s: float, number: int) -> Trial:
 def limit_of(paths: set[Path], copy: Path) -> float:
     """Seconds for the tests of a room's files. Raises SystemExit where they fail without a fault."""
     begin = time.monotonic()
-    _, status = os.waitpid(forked(sorted({test for path in paths for test in tests_of(path)}), copy), 0)
+    pid = forked(sorted({test for path in paths for test in tests_of(path)}), copy)
+    try:
+        _, status = os.waitpid(pid, 0)
+    finally:
+        stop(pid)
     if status:
         said = (copy / "said").read_text(encoding="utf-8", errors="replace")
         sys.exit(f"the tests of {min(paths).parent} fail without a fault: {said[-2000:]}")
