@@ -1,4 +1,4 @@
-"""Which small faults in the program would no quick test notice?
+"""Small faults put into the program, and which of them no quick test notices.
 
     python -m tests.benchmarks.mutants gcs_mosaic/triggers [--sample 60] [--seed 1] [--jobs 1]
 
