@@ -1,6 +1,6 @@
 """Small faults put into the program, and which of them no quick test notices.
 
-    python -m tests.benchmarks.mutants gcs_mosaic/triggers [--sample 60] [--seed 1] [--jobs 1]
+    python -m tests.benchmarks.mutants gcs_mosaic/triggers [--sample 60] [--seed 1] [--jobs 1] [--minutes 60]
 
 Each mutant is one change of a file (a comparison, a boundary, and/or, not, + - * /, a number by one, True/False, a result left
 out, a call left out), tried in a copy of the project by the quick tests of the module, those of its own name first, then those of
@@ -56,6 +56,7 @@ def main() -> None:
     parser.add_argument("--sample", type=int, default=60, help="how many mutants are tried")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=60.0, help="after which no further one is begun")
     given = parser.parse_args()
     known = equivalents()
     every = [mutant for path in sources(given.paths) for mutant in mutants_of(path, ROOT)]
@@ -69,8 +70,9 @@ def main() -> None:
     for module in LOADED:
         importlib.import_module(module)
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        survivors = tried(some, Path(folder), given.jobs)
-    print(f"{len(some) - survivors} of {len(some)} were noticed, {1 - survivors / max(len(some), 1):.0%}")
+        outcomes = tried(some, Path(folder), given.jobs, time.monotonic() + 60 * given.minutes)
+    noticed = len(outcomes) - outcomes.count("survived")
+    print(f"{noticed} of {len(outcomes)} were noticed, {noticed / max(len(outcomes), 1):.0%}")
 
 
 def sources(paths: list[str]) -> Iterator[Path]:
@@ -85,13 +87,13 @@ def equivalents() -> set[str]:
     return {line for line in lines if line and not line[0].isspace() and line[0] != "#"}
 
 
-def tried(mutants: list[Mutant], folder: Path, jobs: int) -> int:
-    """How many survive; each is told as soon as it is known."""
-    copies, running, survivors = [copy_into(folder / str(job)) for job in range(jobs)], list[Trial](), 0
+def tried(mutants: list[Mutant], folder: Path, jobs: int, until: float) -> list[str]:
+    """What becomes of those that are begun before `until`; each is told as soon as it is known."""
+    copies, running, outcomes = [copy_into(folder / str(job)) for job in range(jobs)], list[Trial](), list[str]()
     waiting, limits = mutants[::-1], dict[Path, float]()
     try:
-        while waiting or running:
-            while waiting and copies:
+        while running or (waiting and time.monotonic() < until):
+            while waiting and copies and time.monotonic() < until:
                 copy, mutant = copies.pop(), waiting.pop()
                 room = mutant.path.parent
                 if room not in limits:
@@ -103,12 +105,12 @@ def tried(mutants: list[Mutant], folder: Path, jobs: int) -> int:
                     running.remove(trial)
                     copies.append(trial.copy)
                     shutil.copyfile(ROOT / trial.mutant.path, trial.copy / trial.mutant.path)
-                    survivors += outcome == "survived"
+                    outcomes.append(outcome)
                     print(f"{outcome:8} {trial.mutant.path}:{trial.mutant.line}: {trial.mutant}", flush=True)
     finally:
         for trial in running:
             stop(trial.pid)
-    return survivors
+    return outcomes
 
 
 def copy_into(folder: Path) -> Path:
