@@ -179,7 +179,7 @@ def run_tests(tests: list[str], copy: Path) -> NoReturn:
     status = 1
     try:
         os.setsid()
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, resource.getrlimit(resource.RLIMIT_AS)[1]))
         said = os.open(copy / "said", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         for stream in range(3):
             os.dup2(said, stream)
