@@ -250,11 +250,3 @@ class StreamOffer:
 
     vehicle: int  # MAVLink system id of the sender
     url: str = field(repr=False)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shot:
-    """The unit of work: a frame and, if known, the event that announced it."""
-
-    event: TriggerEvent | None
-    frame: Frame

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,7 +27,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # A busy machine is no fault of what is tested.
 settings.register_profile("patient", deadline=None)
-settings.load_profile("patient")
+settings.register_profile("first", deadline=None, phases=[Phase.explicit, Phase.generate])  # the first failure will do
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 
 # Files that take minutes: begun first, so that at the end no core waits for one of them.
 LONGEST = ("test_lower_bounds.py", "test_real_flights.py", "test_adversarial.py", "test_readme.py", "test_soak.py")

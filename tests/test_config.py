@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.config.tree import Config, load_config
+from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
+from tests.settings import load_config
 
 DEFAULT_YAML = Path(__file__).parent.parent / "config" / "default.yaml"
 

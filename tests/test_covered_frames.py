@@ -11,12 +11,13 @@ from rich.console import Console
 
 import sitl.flight
 from gcs_mosaic.app.batch import stitch
-from gcs_mosaic.config.tree import Config, load_config
+from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
+from tests.settings import load_config
 from tests.sure import sure
 
 pytestmark = pytest.mark.long

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.config.settings_file import documented_defaults
-from gcs_mosaic.config.tree import load_config
 from gcs_mosaic.config.yaml_text import MOST_BYTES, NotReadable, parsed
 from gcs_mosaic.errors import UsageError
+from tests.settings import load_config
 
 
 def bomb(name: str, times: int = 9, levels: int = 9) -> str:

@@ -20,9 +20,9 @@ import pytest
 import gcs_mosaic.cli.main
 import sitl.__main__
 import sitl.flight
-from gcs_mosaic.config.tree import load_config
 from sitl.path import Plan
 from tests import fresh
+from tests.settings import load_config
 from tests.sure import sure
 
 README, ARCHITECTURE, FIGURES = "README.md", "gcs_mosaic/README.md", "tests/benchmarks/README.md"

@@ -12,7 +12,7 @@ from typing import Any
 from gcs_mosaic.baseline.mosaic import PaperSettings
 from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
-from gcs_mosaic.config.settings_file import fields_of, from_mapping, read_settings
+from gcs_mosaic.config.settings_file import fields_of
 from gcs_mosaic.frames.aircraft_source import AircraftSource
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
@@ -139,8 +139,3 @@ def configured(given: Path | None) -> Config:
 def told_by(config: Config, names: Iterable[str], where: str) -> Config:
     """A copy in which settings are known to come from somewhere."""
     return dataclasses.replace(config, origins={**config.origins, **dict.fromkeys(names, where)})
-
-
-def load_config(path: Path) -> Config:
-    """The defaults overridden by a YAML file. Raises UsageError, which names an unknown setting or a wrong type."""
-    return typing.cast(Config, from_mapping(Config, read_settings(path), str(path)))

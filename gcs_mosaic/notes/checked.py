@@ -70,13 +70,6 @@ def whole_of(told: Any, name: str, least: int, most: int) -> int:
     return told
 
 
-def point_of(told: Any, name: str, most: float = FURTHEST) -> tuple[float, float]:
-    """Two numbers. Raises Unfit."""
-    if not isinstance(told, list) or len(told) != 2:
-        raise Unfit(f"{name} is to be two numbers.")
-    return number_of(told[0], name, -most, most), number_of(told[1], name, -most, most)
-
-
 def _is_shown(letter: str) -> bool:
     """Not a control character, half a letter, or one that turns the direction of what follows."""
     return unicodedata.category(letter) not in ("Cc", "Cs", "Zl", "Zp") and letter not in TURNING

@@ -29,7 +29,7 @@ GUEST_LEVELS = 2  # maximum level difference of a guest: frames coarser than tha
 class Painted:
     """A frame as it is (to be) painted. `gain` multiplies each band above the display's black, and `vignetting` is removed;
     `dead` pixels of `camera`'s image are left out, those under an overlay (`still`) shown only where no other frame sees the
-    place; `level` is usually `own_level(pose, camera)`."""
+    place; `level` is usually the one that suits the frame alone, see `warp_grid.resolved`."""
 
     name: str
     order: int  # capture order

@@ -80,7 +80,7 @@ class Painter(Kept):
     frames wait for repainting.
     """
 
-    FIXED = frozenset({"_record", "_load_image"})
+    FIXED = frozenset({"_record"})
 
     def __init__(
         self,
@@ -95,7 +95,6 @@ class Painter(Kept):
         self._settings = settings
         self._live = live
         self._record = record
-        self._load_image = load_image
         self.canvas = Canvas(load_image, settings.canvas, scratch=scratch, load_tile=load_tile)
         self._painted: dict[str, Painted] = {}
         self._ranges = CameraRanges(settings.bands, lighten=settings.brightness == "auto")

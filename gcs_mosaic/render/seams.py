@@ -32,7 +32,7 @@ from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Lattice, Planes, Plane
 THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
 LOOK = slice(3 * WAYS, 3 * WAYS + 3)
 SECOND_LOOK = slice(LOOK.stop, LOOK.stop + 3)
-SEEN, KEPT = LOOK.stop, SECOND_LOOK.stop
+KEPT = SECOND_LOOK.stop
 
 LEAST_DETAIL = 1.0  # grey levels; the noise level of bare ground
 SHARP = 3.0  # exponent of the detail ratio: a frame with a third less detail yields to one with a third of its weight

@@ -145,10 +145,6 @@ class Store(Kept):
             if self._cached.pop(old, None) is not None:
                 self._cached[key] = held
 
-    @property
-    def bytes_on_disk(self) -> int:
-        return self._file.end
-
     def close(self) -> None:
         """Release all memory and disk space."""
         self._cached.clear()

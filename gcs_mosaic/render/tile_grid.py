@@ -62,15 +62,6 @@ def level_from_canvas(level: int, places: Array) -> Array:
     return (places + HALF_SPAN + 0.5) / pixel_size(level)
 
 
-def pixel_centres(tile: Tile) -> Array:
-    """Canvas places of a tile's pixel centres, (256, 256, 2), rows first."""
-    x, y = (
-        canvas_from_level(tile.z, np.arange(TILE_SIZE, dtype=np.float64) + 0.5 + i * TILE_SIZE)
-        for i in (tile.x, tile.y)
-    )
-    return np.stack(np.meshgrid(x, y), axis=-1)
-
-
 def tile_box(tile: Tile) -> Box:
     """The canvas box a tile covers."""
     edges = np.array([tile.x, tile.y, tile.x + 1, tile.y + 1], dtype=np.float64) * TILE_SIZE

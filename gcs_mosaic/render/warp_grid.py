@@ -20,7 +20,6 @@ from gcs_mosaic.render.tile_grid import (
     Tile,
     box_of,
     canvas_from_level,
-    painting_level,
     pixel_size,
     tile_range,
 )
@@ -127,12 +126,6 @@ def resolved(pose: Pose, camera: Camera) -> float | None:
         return None
     useful = gsd[gsd <= USEFUL_RATIO * gsd.min()]
     return max(float(np.quantile(useful, 0.1)), OBLIQUE_SHARE * float(np.sqrt((useful**2).mean())))
-
-
-def own_level(pose: Pose, camera: Camera) -> int:
-    """The level that suits a single frame; 0 if it sees no ground."""
-    gsd = resolved(pose, camera)
-    return 0 if gsd is None else painting_level(gsd)
 
 
 def useful_ground(pose: Pose, camera: Camera, relief: ReliefDisplacement | None = None) -> tuple[Box, float] | None:

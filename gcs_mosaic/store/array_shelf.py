@@ -52,12 +52,6 @@ class ArrayShelf:
             self._cached.clear()
             self._file.close()
 
-    @property
-    def bytes_in_memory(self) -> int:
-        with self._lock:
-            self._drop_gone()
-            return self._used
-
     def found(self, shelved: ShelvedArray) -> AnyArray:
         """Raises OSError."""
         with self._lock:

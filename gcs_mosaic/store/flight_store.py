@@ -197,11 +197,6 @@ class FlightStore(Kept):
         self._tiles.there = set(known)
 
     @property
-    def has_unsaved(self) -> bool:
-        """Whether something was noted that is not written yet."""
-        return bool(self._changes)
-
-    @property
     def revision(self) -> int:
         return self._manifest.revision
 

@@ -315,10 +315,6 @@ class Ledger(LedgerFile):
             values = (*head, *place, *look_row(painted), *relief_row(painted.relief))
             self.write(f"INSERT OR REPLACE INTO painted ({columns}) VALUES ({marks(values)})", *values)
 
-    def forget_painted(self, name: str) -> None:
-        """Record that the frame is no longer painted."""
-        self.write("DELETE FROM painted WHERE frame = ?", self._frame_id(name))
-
     def painted(self, island: int) -> list[Painted]:
         """Every frame painted on an island, in painting order."""
         rows = self.rows(placed_in("painted", '"order", frames.id', "WHERE painted.island = ?"), island)

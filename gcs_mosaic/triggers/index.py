@@ -74,6 +74,9 @@ class Index(Generic[Held]):
                 known.append(key)
                 self._under.setdefault(key, []).append(held)
 
+    def __contains__(self, held: Held) -> bool:
+        return held in self._keys
+
     def overflow(self) -> list[Held]:
         """Evict the oldest items beyond the capacity; returns them."""
         taken_off = []

@@ -107,7 +107,7 @@ class Pairing:
         event, held.fresh = held.event, False
         self._frames.remove(held)
         self._frames_seen -= 1
-        return [] if event is None else [*self._release(event), *self._find_frame(event)]
+        return [] if event is None else [*self._release(event), *self._find_another(event)]
 
     def known(self, event_id: int, name: str) -> list[Outcome]:
         """This event was matched with the frame of this name before, by what is not known any more; both have been told."""
@@ -241,7 +241,7 @@ class Pairing:
             self._search.learnt.named(event, frame)
         yield Matched(event.id, event.event, frame.frame, how)
         if robbed:
-            yield from self._find_frame(robbed)
+            yield from self._find_another(robbed)
         if freed and not freed.event:
             yield from self._find_event(freed)
 
@@ -280,6 +280,12 @@ class Pairing:
             frame.event = None
             self._move(held, State.PENDING)
             yield Unmatched(held.id, frame.frame)
+
+    def _find_another(self, held: PendingEvent) -> Iterator[Outcome]:
+        """Another frame for an event that has lost its own; one that is no longer indexed would never become missing."""
+        yield from self._find_frame(held)
+        if held.state is State.PENDING and held not in self._events:
+            yield self._missing(held)
 
     def _missing(self, held: PendingEvent) -> Missing:
         self._move(held, State.MISSING)

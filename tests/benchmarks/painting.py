@@ -26,10 +26,11 @@ from gcs_mosaic.render.pixels import frame_picture, piece
 from gcs_mosaic.render.placed import placed
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.render.warp import shrunk
-from gcs_mosaic.render.warp_grid import frame_lattice, own_level
+from gcs_mosaic.render.warp_grid import frame_lattice
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.tiles import TileWriter
+from tests.tile_parts import own_level
 
 Image = NDArray[np.uint8]
 ROUNDS = 5

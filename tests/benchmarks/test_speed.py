@@ -13,12 +13,12 @@ from rich.console import Console
 import sitl.flight
 from gcs_mosaic.app.batch import stitch
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.store.stages import Stage, stages_in
 from sitl.path import Plan
 from tests.benchmarks.floors import floor_of
 from tests.benchmarks.flown_live import FlownLive, fly, pictures_in
 from tests.benchmarks.long_growth import costs_of_flight
 from tests.benchmarks.processes import Watched
+from tests.benchmarks.recorded_stages import Stage, stages_in
 from tests.benchmarks.speed import ending, quantiles
 from tests.benchmarks.timeline import COLOURS, LEFT, ROW, TOP, draw
 

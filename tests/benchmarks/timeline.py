@@ -18,9 +18,9 @@ import numpy as np
 
 from gcs_mosaic.debug.sheet import FAINT, INK, PAPER, Colour, Sheet, nice_length
 from gcs_mosaic.stitch.arrays import ImageBGR
-from gcs_mosaic.store.stages import Stage, stages_in
 from tests.benchmarks.error_plot import png
 from tests.benchmarks.flown_live import fly, pictures_in
+from tests.benchmarks.recorded_stages import Stage, stages_in
 
 WIDTH, ROW, LEFT, RIGHT, TOP, BOTTOM = 1200, 46, 110, 20, 50, 40  # px
 MARKS = 12  # at most so many seconds, or parts or multiples of one, are marked

@@ -13,7 +13,7 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FlightRecord, FrameState
-from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_estimate, an_event
+from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame, a_painted, an_estimate, an_event, forget_painted
 
 # By what is done to the ledger: what is found, and the states of a.jpg, which is placed, and b.jpg, which it covers.
 CONTRADICTIONS = {
@@ -85,7 +85,7 @@ def test_a_contradiction_is_found_and_settled(path: Path, statement: str) -> Non
 
 def test_a_frame_whose_original_is_not_kept_may_be_placed_without_being_painted(path: Path) -> None:
     with Ledger(path) as ledger:
-        ledger.forget_painted("a.jpg")
+        forget_painted(ledger, "a.jpg")
         ledger.write("UPDATE frames SET original = NULL")
         assert found_in(ledger).faults == []
 

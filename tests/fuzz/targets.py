@@ -15,7 +15,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from gcs_mosaic.config.tree import load_config
 from gcs_mosaic.frames.bands import decode_bands, needs_bands
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import is_whole
@@ -31,6 +30,7 @@ from gcs_mosaic.web.maps.wms_request import WmsFault, lower_names, map_request
 from tests.fuzz import seeds
 from tests.fuzz.judging import Reader
 from tests.fuzz.written import LONGEST_SENTENCE, folder, one_sentence, written
+from tests.settings import load_config
 
 FEW_PIXELS = 1_000_000  # of a picture that is decoded, too: what a large one costs is bounded by the decoders' process
 

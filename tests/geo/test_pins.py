@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gcs_mosaic.geo import gross_errors
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.geo.ellipsoid import LocalPlane
 from gcs_mosaic.geo.pins import Pin, PinnedMap, Refused, anchored_by_pins
@@ -239,3 +240,9 @@ def test_pins_on_both_sides_of_the_date_line() -> None:
     anchor = fitted(*pins).anchor
     assert anchor.metres_per_unit == pytest.approx(0.1, rel=1e-4)
     assert sure(anchor.canvas(np.array([-179.99, -17.0])))[0] == pytest.approx(10641, rel=0.01)
+
+
+def test_how_well_coordinates_are_stated_is_a_probability() -> None:
+    places, sigmas = np.array([0j, 9 + 0j]), np.ones(2)
+    model = gross_errors._Model(places, places, sigmas, 0 * sigmas, np.zeros(2, bool))
+    assert np.exp(model._prior).sum() == pytest.approx(1.0)

@@ -12,7 +12,7 @@ import pytest
 from gcs_mosaic.geo.anchor import as_complex, joined, split
 from gcs_mosaic.geo.ellipsoid import LocalPlane
 from gcs_mosaic.geo.pins import Refused
-from gcs_mosaic.geo.positions import PositionedMap, ShotPosition, anchored_by_positions
+from gcs_mosaic.geo.positions import LONGEST_LAG_S, PositionedMap, ShotPosition, anchored_by_positions
 
 PLANE = LocalPlane(7.0, 44.5)
 GSD_M, SPEED, EVERY_S = 0.05, 10.0, 2.0
@@ -88,6 +88,13 @@ def test_exact_positions_lay_the_map_exactly() -> None:
     assert found.lag_s == pytest.approx(0.0, abs=0.01)
     assert found.outliers == 0
     assert max(flown.missed(found, at) for at in range(75)) < 0.05
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_lag_beyond_all_that_are_tried_is_refused(sign: int) -> None:
+    found = anchored_by_positions(flight(1, Receiver(sigma_m=0.01, lag_s=sign * (LONGEST_LAG_S + 0.5))).shots)
+    assert isinstance(found, Refused)
+    assert f"{LONGEST_LAG_S:.0f} s or more off" in found.reason
 
 
 @pytest.mark.parametrize("lag_s", [-1.5, 0.4, 2.0])

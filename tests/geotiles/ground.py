@@ -13,8 +13,9 @@ from gcs_mosaic.geo.ellipsoid import LocalPlane
 from gcs_mosaic.geotiles.canvas_tiles import CanvasTiles
 from gcs_mosaic.geotiles.earth_islands import EarthIsland
 from gcs_mosaic.geotiles.pyramid import GeoPyramid
-from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_centres, pixel_size
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size
 from gcs_mosaic.stitch.arrays import AnyImage, Array, ImageBGRA
+from tests.tile_parts import pixel_centres
 
 SURE = ((1e-12, 0.0, 0.0, 0.0), (0.0, 1e-12, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 

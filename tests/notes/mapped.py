@@ -11,6 +11,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FlightRecord
 from tests.factories import frame
+from tests.store.ledger_parts import forget_painted
 
 LENS = Camera(400, 300, focal=1.4, k1=-0.1)
 
@@ -42,7 +43,7 @@ class MappedFlight:
 
     def unpaint(self, name: str) -> None:
         with Ledger(self.root / LEDGER_NAME) as ledger:
-            ledger.forget_painted(name)
+            forget_painted(ledger, name)
         self._told()
 
     def merge(self, island: int, into: int) -> None:

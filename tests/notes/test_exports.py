@@ -14,7 +14,7 @@ import pytest
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.notes.binding import Binding, GroundFollower, GroundPlace
 from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.checked import Unfit, number_of, point_of, text_of
+from gcs_mosaic.notes.checked import Unfit, number_of, text_of
 from gcs_mosaic.notes.exports import NO_ANCHOR, as_csv, as_geojson, as_kml
 from gcs_mosaic.notes.finds import Find, Finds, NewFind
 from gcs_mosaic.notes.report import as_report
@@ -134,5 +134,3 @@ def test_what_is_typed_is_checked() -> None:
     for number in (True, "1", None, float("nan"), float("inf"), 10**400, 6):
         with pytest.raises(Unfit):
             number_of(number, "n", 0, 5)
-    with pytest.raises(Unfit):
-        point_of([1, 2, 3], "p")

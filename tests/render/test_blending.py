@@ -9,14 +9,14 @@ from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.blending import mix
 from gcs_mosaic.render.cells import NOBODY, PARTLY, WHOLLY, Owned, Seen, lay_over, unknown
 from gcs_mosaic.render.sampling import CUT
-from gcs_mosaic.render.seams import SEEN
+from gcs_mosaic.render.seams import LOOK
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.warp_grid import LATTICE
 from tests.sure import sure
 
 shares = arrays(np.float32, (LATTICE, LATTICE), elements=st.floats(0, 1, width=32))
 SHAPE = 8, 8
-PLANES = {"seam": SEEN, "edge": 1, "newest": 0, "first": 0}
+PLANES = {"seam": LOOK.stop, "edge": 1, "newest": 0, "first": 0}
 
 
 def plain(value: int, weight: float) -> Layer:

@@ -7,7 +7,7 @@ from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.cells import WHOLLY, Cells, Seen, lay_over, unknown
 from gcs_mosaic.render.display import PLAIN
 from gcs_mosaic.render.looks import BEYOND
-from gcs_mosaic.render.seams import FAR, KEPT, NEAR, SEEN, THINGS, decide, look_for_seams
+from gcs_mosaic.render.seams import FAR, KEPT, LOOK, NEAR, THINGS, decide, look_for_seams
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -20,7 +20,7 @@ SHOWN, NEW = 1, 2
 def seen(weight: float, thing: float = 0, near: float = 0, far: float = 0, log_detail: float = 1) -> Seen:
     """thing: contrast of one that is brighter than all around; near, far: of anything that is, twice the least to be noticed
     being 40."""
-    planes = np.zeros((SEEN, *SHAPE), np.uint8)
+    planes = np.zeros((LOOK.stop, *SHAPE), np.uint8)
     for where, contrast in ((THINGS, thing), (NEAR, BEYOND * near), (FAR, BEYOND * max(near, far))):
         planes[where.start] = min(contrast, 255)
     score = np.full(SHAPE, np.log(weight) + 3 * log_detail, np.float32)

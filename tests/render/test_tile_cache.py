@@ -61,7 +61,7 @@ def test_a_layer_that_gets_another_key_is_not_written_again(new_store: Callable[
     for i in range(9):
         store.put(key(i), layer(i))
     store.put("other", layer(9))
-    written = store.bytes_on_disk
+    written = store._file.end
     before = store.snapshot()
     store.take_over("other", key(0))
     store.take_over("nothing", "none")
@@ -70,7 +70,7 @@ def test_a_layer_that_gets_another_key_is_not_written_again(new_store: Callable[
     assert same(store.get("other"), layer(0))
     for i in range(1, 9):
         assert same(store.get(key(i)), layer(i))
-    assert store.bytes_on_disk <= written + 2 * 270_000  # those that had never been written
+    assert store._file.end <= written + 2 * 270_000  # those that had never been written
     store.restore(before)
     assert same(store.get(key(0)), layer(0))
     assert same(store.get("other"), layer(9))
@@ -90,7 +90,7 @@ def test_the_scratch_file_does_not_grow_while_layers_are_replaced(new_store: Cal
     store = new_store(300_000)
     for i in range(40):
         store.put(key(i % 4), layer(3 * i))
-    assert store.bytes_on_disk <= 4 * 1.05 * layer(0).nbytes
+    assert store._file.end <= 4 * 1.05 * layer(0).nbytes
 
 
 def test_when_the_disk_is_full_layers_stay_in_memory_and_it_is_said(new_store: Callable[[int], Store]) -> None:
@@ -120,7 +120,7 @@ def test_what_is_put_back_is_there_though_its_place_in_the_file_was_wanted(new_s
     assert all(same(store.get(key(i)), layer(3 * i)) for i in range(6))
     assert store.get(key(9)) is None
     del before
-    size = store.bytes_on_disk
+    size = store._file.end
     for i in range(40):
         store.put(key(i % 6), layer(3 * i))
-    assert store.bytes_on_disk <= size + 1.05 * layer(0).nbytes
+    assert store._file.end <= size + 1.05 * layer(0).nbytes

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from gcs_mosaic.render import tile_grid as grid
 from gcs_mosaic.render.tile_grid import Tile
+from tests.tile_parts import pixel_centres
 
 levels = st.integers(0, grid.FINEST_LEVEL)
 inside = st.floats(-(2.0**22), 2.0**22)
@@ -22,7 +23,7 @@ def test_canvas_to_level_and_back(level: int, x: float, y: float) -> None:
 
 def test_at_the_base_level_pixel_centres_are_the_whole_canvas_units() -> None:
     middle = Tile(grid.BASE_LEVEL, 1 << 15, 1 << 15)
-    centres = grid.pixel_centres(middle)
+    centres = pixel_centres(middle)
     np.testing.assert_array_equal(centres[0, 0], [0, 0])
     np.testing.assert_array_equal(centres[3, 255], [255, 3])
 

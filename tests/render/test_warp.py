@@ -3,11 +3,12 @@ import numpy as np
 import pytest
 from painting_parts import painted, picture
 
-from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, pixel_centres
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.render.warp import tile_picture, upscale
-from gcs_mosaic.render.warp_grid import USEFUL_RATIO, frame_lattice, own_level, useful_ground
+from gcs_mosaic.render.warp_grid import USEFUL_RATIO, frame_lattice, useful_ground
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, ground_sampling_distance, pixels_from_canvas
 from tests.sure import sure
+from tests.tile_parts import own_level, pixel_centres
 
 FULL = Camera(4000, 3000)
 

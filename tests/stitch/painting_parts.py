@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.vignetting import Vignetting
-from gcs_mosaic.render.warp_grid import own_level
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.camera.still_mask import StillMask
+from tests.tile_parts import own_level
 
 SMALL = Camera(160, 120, focal=1.2, k1=-0.02)
 

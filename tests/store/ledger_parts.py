@@ -9,6 +9,7 @@ from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.still_mask import StillMask
+from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import Estimate
 from tests.factories import frame, trigger_event
 
@@ -73,3 +74,8 @@ def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float
         still=StillMask(2, 9, bytes([3, 128, 192])),
         level=16,
     )
+
+
+def forget_painted(ledger: Ledger, name: str) -> None:
+    """As if the frame had never been painted."""
+    ledger.write("DELETE FROM painted WHERE frame = (SELECT id FROM frames WHERE name = ?)", name)

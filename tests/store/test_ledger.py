@@ -153,8 +153,6 @@ def test_painted_frames_come_in_order_with_the_lens_they_were_painted_with(ledge
         ledger.record_painted(a_painted(name, order, focal=focal))
     ledger.record_painted(a_painted("c", 0, focal=1.6))
     assert [(p.name, p.camera.focal) for p in ledger.painted(0)] == [("c", 1.6), ("b", 1.4), ("a", 1.5)]
-    ledger.forget_painted("b")
-    assert [p.name for p in ledger.painted(0)] == ["c", "a"]
 
 
 def test_pose_that_is_no_number_is_refused(ledger: Ledger) -> None:

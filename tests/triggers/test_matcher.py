@@ -196,6 +196,15 @@ def test_what_is_remembered_is_bounded_and_what_is_given_up_is_said() -> None:
     assert flight.pairing.accounts().pending == 10
 
 
+@pytest.mark.parametrize("lost", ["to another", "altogether"])
+def test_an_event_that_was_given_up_and_loses_its_frame_is_missing(lost: str) -> None:
+    """It stayed pending for ever: nothing looked at it any more."""
+    flight = Flight(remembered=1).fly((0, shot(0.0)), file(1.0, "a.jpg"), (1, shot(2.0)))
+    assert flight.pairs() == {0: "a.jpg"}
+    outcomes = flight.pairing.known(1, "a.jpg") if lost == "to another" else flight.pairing.withdraw("a.jpg")
+    assert Missing(0, shot(0.0)) in outcomes
+
+
 sequences = st.none() | st.integers(0, 5)
 names = st.sampled_from(["IMG_0.JPG", "img_0.jpg", "IMG_1.JPG", "IMG_2.JPG", "x.jpg"])
 steps = st.lists(
@@ -275,6 +284,16 @@ def test_a_frame_that_its_event_gives_up_for_the_named_one_finds_another() -> No
     flight.outcomes += flight.pairing.frame(file(0.7, "b.jpg"), 0.7, fresh=False)
     flight.outcomes += flight.pairing.improve(0, shot(0.8, hint="b.jpg"), 0.8)
     assert flight.pairs() == {0: "b.jpg", 1: "a.jpg"}
+
+
+def test_a_frame_that_is_given_up_stays_with_the_robbed_event_that_names_it() -> None:
+    """A camera overwrites its one file; which frame the second shot had is known from before a restart."""
+    flight = Flight().fly((0, shot(0.0, hint="b.jpg")), (1, shot(20.0, hint="b.jpg")), file(20.5, "b.jpg"))
+    flight.fly((2, shot(22.0)), file(22.5, "a.jpg"))
+    flight.outcomes += flight.pairing.improve(2, shot(23.0, hint="b.jpg"), 23.0)
+    assert flight.pairs() == {1: "b.jpg", 2: "a.jpg"}
+    flight.outcomes += flight.pairing.known(1, "a.jpg")
+    assert flight.pairs() == {1: "a.jpg", 2: "b.jpg"}
 
 
 @pytest.mark.parametrize("name", ["DSC{:05d}.JPG", "dsc{:05d}.jpg", "sub/DSC{:05d}_W.JPG"])

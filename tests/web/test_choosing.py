@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.store.requests import REQUEST_NAME, Answer, answer, take_request
-from gcs_mosaic.web import access, choosing
+from gcs_mosaic.web import choosing
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.token import Access
 from tests.running import until
 from tests.web.small_flight import SmallFlight
+from tests.web.test_access import lan_address
 from tests.web.test_app import Client
 
 TOKEN = "abcdefgh23456789"
@@ -29,6 +30,11 @@ def served(flight: Path, host: str = "127.0.0.1", who: Access | None = None) -> 
         yield Client(server.start())
     finally:
         server.stop()
+
+
+def from_the_network(client: Client) -> Client:
+    """As another machine asks: from an address of the network."""
+    return Client(f"http://{lan_address()}:{client.netloc.partition(':')[2]}/")
 
 
 @pytest.fixture
@@ -78,16 +84,16 @@ def test_another_page_cannot_choose(flight: Path) -> None:
     assert not (flight / REQUEST_NAME).exists()
 
 
-def test_another_machine_needs_the_token_even_where_everybody_may_look(
-    flight: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for module in (access, choosing):
-        monkeypatch.setattr(module, "is_local", lambda request: False)
-    with served(flight, "0.0.0.0", Access(is_open=True)) as client:
+def test_another_machine_needs_the_token_even_where_everybody_may_look(flight: Path) -> None:
+    with served(flight, "0.0.0.0", Access(is_open=True)) as here:
+        client = from_the_network(here)
         assert client.status("/mosaic.json") == 200
         assert client.status("/vehicle/3", "POST") == 403
-    with served(flight, "0.0.0.0", Access(token=TOKEN)) as client:
+        assert not (flight / REQUEST_NAME).exists()
+    with served(flight, "0.0.0.0", Access(token=TOKEN)) as here:
+        client = from_the_network(here)
         assert client.status("/vehicle/3", "POST") == 401
+        assert not (flight / REQUEST_NAME).exists()
         thread = answering(flight, taken=True)
         assert client.status("/vehicle/3", "POST", Authorization=f"Bearer {TOKEN}") == 200
         thread.join()

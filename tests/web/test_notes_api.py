@@ -18,15 +18,14 @@ import pytest
 from gcs_mosaic.notes.book import NotesBook
 from gcs_mosaic.notes.finds import Finds
 from gcs_mosaic.store.folder import NOTES_NAME
-from gcs_mosaic.web import access
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import notes as notes_module
-from gcs_mosaic.web.api import operations
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.token import Access
 from tests.notes.mapped import MappedFlight
 from tests.running import until
+from tests.web.test_access import lan_address
 from tests.web.test_app import Client, Live
 
 API = "/api/v1"
@@ -252,13 +251,12 @@ def test_exports_are_served(client: Writer) -> None:
 
 
 def test_another_site_writes_nothing_and_who_may_only_look_does_not_either(
-    client: Writer, flight: MappedFlight, monkeypatch: pytest.MonkeyPatch
+    client: Writer, flight: MappedFlight
 ) -> None:
     assert client.send("POST", "/finds", HERE, Origin="http://evil.example")[0] == 403
-    for module in (access, operations):
-        monkeypatch.setattr(module, "is_local", lambda request: False)
     server = WebServer(flight.root, HttpAddress("0.0.0.0", 0), access=Access(is_open=True))
-    other = Writer(server.start())
+    server.start()
+    other = Writer(f"http://{lan_address()}:{server.port}/")
     for method, path in (("POST", "/finds"), ("POST", "/reviews"), ("POST", "/scale"), ("POST", "/hints/dismissed")):
         assert other.send(method, path, HERE)[0] == 403
     assert other.get("/finds")["finds"] == []

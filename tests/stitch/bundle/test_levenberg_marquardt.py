@@ -179,3 +179,13 @@ def test_poses_are_found_though_the_true_lens_is_beyond_what_is_believed(
     costs = [adjustment._first_state(one, settings).cost for one in (held, better)]
     assert costs[0] == pytest.approx(costs[1], rel=2e-3)
     assert found.normal.layout.unknowns == 6 * len(truth) + projection.LENS_TERMS
+
+
+def test_matches_much_worse_than_expected_are_not_believed_about_the_lens() -> None:
+    """Four pixels of the feature picture: what the matches alone say lies two to three times as far from the prior."""
+    settings, off = AdjustmentSettings(), list[float]()
+    for _ in range(4):
+        truth = flight(2, 4)
+        problem = replace(matches(truth, noise_px=16.0), poses=rough(truth))
+        off.append(adjust(problem, settings).lenses[0, 0] - np.log(settings.focal_prior))
+    assert np.sqrt(np.mean(np.square(off))) < 0.5 * settings.focal_prior_log_sigma

@@ -1,0 +1,15 @@
+"""The settings of one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gcs_mosaic.config.settings_file import from_mapping, read_settings
+from gcs_mosaic.config.tree import Config
+
+
+def load_config(path: Path) -> Config:
+    """The defaults overridden by this file alone, whatever this user has set elsewhere. Raises UsageError."""
+    config = from_mapping(Config, read_settings(path), str(path))
+    assert isinstance(config, Config)
+    return config
