@@ -137,13 +137,13 @@ def begun(mutant: Mutant, copy: Path, limit_s: float, number: int) -> Trial:
     path.write_text(mutant.text(), encoding="utf-8")
     later = time.time() + 2 * number  # bytecode of the mutant before is told from this one's by whole seconds
     os.utime(path, (later, later))
-    return Trial(mutant, forked(tests_of(mutant.path), copy), copy, time.monotonic() + limit_s)
+    return Trial(mutant, forked(named_tests(mutant.path), copy), copy, time.monotonic() + limit_s)
 
 
 def limit_of(paths: set[Path], copy: Path) -> float:
     """Seconds for the tests of a room's files. Raises SystemExit where they fail without a fault."""
     begin = time.monotonic()
-    pid = forked(sorted({test for path in paths for test in tests_of(path)}), copy)
+    pid = forked(sorted({test for path in paths for test in named_tests(path)}), copy)
     try:
         _, status = os.waitpid(pid, 0)
     except BaseException:
@@ -214,7 +214,7 @@ def run_tests(tests: list[str], copy: Path) -> NoReturn:
         os._exit(int(status))
 
 
-def tests_of(path: Path) -> list[str]:
+def named_tests(path: Path) -> list[str]:
     """Test files of a module: of its name, those of its room that import it, others that do, and the room's others."""
     module, room = ".".join(path.with_suffix("").parts), ROOT / "tests" / Path(*path.parts[1:-1])
     while not room.is_dir():
