@@ -65,7 +65,7 @@ def main() -> None:
     print(
         f"{len(some)} of {len(every)} mutants, {len(every) - len(known & set(map(str, every)))} not known as equivalent"
     )
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, asked_to_end)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # a process with threads is not to be forked
     for module in LOADED:
         importlib.import_module(module)
@@ -73,6 +73,12 @@ def main() -> None:
         outcomes = tried(some, Path(folder), given.jobs, time.monotonic() + 60 * given.minutes)
     noticed = len(outcomes) - outcomes.count("survived")
     print(f"{noticed} of {len(outcomes)} were noticed, {noticed / max(len(outcomes), 1):.0%}")
+
+
+def asked_to_end(number: int, _frame: object) -> None:
+    """Once; a second time would leave copies behind."""
+    signal.signal(number, signal.SIG_IGN)
+    sys.exit(1)
 
 
 def sources(paths: list[str]) -> Iterator[Path]:
@@ -110,6 +116,7 @@ def tried(mutants: list[Mutant], folder: Path, jobs: int, until: float) -> list[
     finally:
         for trial in running:
             stop(trial.pid)
+            os.waitpid(trial.pid, 0)  # what it writes would be left behind
     return outcomes
 
 
@@ -130,17 +137,19 @@ def begun(mutant: Mutant, copy: Path, limit_s: float, number: int) -> Trial:
     path.write_text(mutant.text(), encoding="utf-8")
     later = time.time() + 2 * number  # bytecode of the mutant before is told from this one's by whole seconds
     os.utime(path, (later, later))
-    return Trial(mutant, forked(tests_of(mutant.path), copy), copy, time.monotonic() + limit_s)
+    return Trial(mutant, forked(named_tests(mutant.path), copy), copy, time.monotonic() + limit_s)
 
 
 def limit_of(paths: set[Path], copy: Path) -> float:
     """Seconds for the tests of a room's files. Raises SystemExit where they fail without a fault."""
     begin = time.monotonic()
-    pid = forked(sorted({test for path in paths for test in tests_of(path)}), copy)
+    pid = forked(sorted({test for path in paths for test in named_tests(path)}), copy)
     try:
         _, status = os.waitpid(pid, 0)
-    finally:
+    except BaseException:
         stop(pid)
+        os.waitpid(pid, 0)
+        raise
     if status:
         said = (copy / "said").read_text(encoding="utf-8", errors="replace")
         sys.exit(f"the tests of {min(paths).parent} fail without a fault: {said[-2000:]}")
@@ -205,7 +214,7 @@ def run_tests(tests: list[str], copy: Path) -> NoReturn:
         os._exit(int(status))
 
 
-def tests_of(path: Path) -> list[str]:
+def named_tests(path: Path) -> list[str]:
     """Test files of a module: of its name, those of its room that import it, others that do, and the room's others."""
     module, room = ".".join(path.with_suffix("").parts), ROOT / "tests" / Path(*path.parts[1:-1])
     while not room.is_dir():

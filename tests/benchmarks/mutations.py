@@ -75,7 +75,8 @@ def mutants_of(path: Path, root: Path) -> Iterator[Mutant]:
         for new in _others(node, parent):
             old, text = ast.unparse(node), ast.unparse(ast.fix_missing_locations(ast.Module([_as_statement(new)], [])))
             line = getattr(node, "lineno", 0)
-            yield Mutant(path.relative_to(root), line, where, old, text, tree, parent, field, index, new)
+            first, changed = (text.splitlines()[0] for text in (old, text))
+            yield Mutant(path.relative_to(root), line, where, first, changed, tree, parent, field, index, new)
 
 
 def _as_statement(node: ast.AST) -> ast.stmt:
@@ -116,6 +117,8 @@ def _others(node: ast.AST, parent: ast.AST) -> Iterator[ast.AST]:
             yield values[0] if len(values) == 2 else ast.BoolOp(op, values[:-1])
         case ast.UnaryOp(ast.Not(), operand):
             yield operand
+        case ast.BinOp(_, _, ast.Constant(str()) | ast.JoinedStr()) | ast.BinOp(ast.Constant(str()) | ast.JoinedStr()):
+            return  # a path or a text: whoever runs it notices
         case ast.BinOp(left, op, right) if type(op) in CALCULATED:
             yield ast.BinOp(left, CALCULATED[type(op)](), right)
         case ast.Constant(bool(value)):

@@ -6,7 +6,7 @@ import ast
 from itertools import pairwise
 from pathlib import Path
 
-from tests.benchmarks.mutants import EQUIVALENT, ROOT, equivalents, sources, tests_of
+from tests.benchmarks.mutants import EQUIVALENT, ROOT, equivalents, named_tests, sources
 from tests.benchmarks.mutations import mutants_of
 
 TEXT = '''"""A file."""
@@ -56,6 +56,6 @@ def test_what_is_listed_as_no_fault_is_still_in_the_program_and_says_why() -> No
 
 
 def test_the_tests_of_a_module_begin_with_those_of_its_name() -> None:
-    tests = tests_of(Path("gcs_mosaic/triggers/shots.py"))
+    tests = named_tests(Path("gcs_mosaic/triggers/shots.py"))
     assert tests[0] == "tests/triggers/test_shots.py"
     assert "tests/triggers/test_matcher.py" in tests

@@ -23,6 +23,7 @@ from gcs_mosaic.store.disk import DiskFull
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState, FlightRecord, FrameState
 from tests.store.ledger_parts import a_frame, a_painted, an_estimate, an_event
+from tests.sure import sure
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -314,3 +315,11 @@ def test_what_is_known_of_the_focal_length_is_kept(ledger: Ledger, deviation: fl
     ledger.record_frame(a_frame("a.jpg"))
     ledger.record_estimates([estimate])
     assert ledger.estimates() == [estimate]
+
+
+def test_a_canvas_that_is_chosen_later_is_the_one_that_is_known(ledger: Ledger) -> None:
+    ledger.begin_flight(FlightRecord(name="any", started_utc=1.0))
+    chosen = CanvasSettings(blend="newest")
+    assert sure(ledger.flight()).canvas != chosen
+    ledger.set_canvas(chosen)
+    assert sure(ledger.flight()).canvas == chosen
