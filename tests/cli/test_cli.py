@@ -151,7 +151,8 @@ def test_the_version_is_told(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         cli.main(["--version"])
     assert ended.value.code == 0
-    assert re.fullmatch(r"gcs-mosaic \d+\.\d+\S*\n", capfd.readouterr().out)  # of a checkout without a tag: 0.1.dev7+gabc
+    told = capfd.readouterr().out
+    assert re.fullmatch(r"gcs-mosaic \d+\.\d+\S*\n", told)  # of a checkout without a tag: 0.1.dev7+gabc
 
 
 def test_the_blend_on_the_command_line_overrules_the_settings_file(tmp_path: Path) -> None:
