@@ -24,7 +24,6 @@ from gcs_mosaic.frames.small_copies import SizedFile, SmallCopies
 from gcs_mosaic.messages import CameraCount, Frame, OtherFile
 
 HOLD_S = 2.0  # the first files of a camera, until those of others of the same shot are there
-HOLD_BANDS_S = 4.0  # ... of a camera that writes a file for each band: by radio they come one after another
 HOLD_KIND_S = 1.0  # ... of a TIFF that no more than its ending would tell apart: most have no others beside them
 HELD_DATA = 8  # files whose bytes are held, too
 ENOUGH_MAPPED = 2  # files of one number, by which a resumed flight knows a band
@@ -84,7 +83,7 @@ class Cameras:
         if file.guess in self._proved or (file.guess is None and file.camera in self._settled):
             yield from self._add(frame, file, size)
             return
-        until = now + self._hold_s(file)
+        until = now + (HOLD_KIND_S if file.camera.startswith(".") else HOLD_S)
         self._held.append(_Held(frame if len(self._held) < HELD_DATA else replace(frame, data=None), size, until))
 
     def resume(self, names: Iterable[str]) -> None:
@@ -136,11 +135,6 @@ class Cameras:
         words, left = " or ".join(self._patterns), self._by_pattern[False]
         mapped = CameraCount(words, self._by_pattern[True], mapped=True)
         return (mapped, CameraCount(CHOSEN, left, mapped=False)) if left else ()
-
-    def _hold_s(self, file: ShotFile) -> float:
-        if file.guess == "bands":
-            return HOLD_BANDS_S
-        return HOLD_KIND_S if file.camera.startswith(".") else HOLD_S
 
     def _file(self, name: str) -> ShotFile:
         name, _ = file_and_version(name)

@@ -27,7 +27,7 @@ Grey = NDArray[np.float32]
 def place_of(band: int) -> NDArray[np.float64]:
     """Homography from the reference's pixels to this band's."""
     turned = cv2.getRotationMatrix2D((WIDTH / 2, HEIGHT / 2), TURNS_DEG[band], SCALES[band])
-    turned[:, 2] += SHIFTS[band]
+    turned[:, 2] += np.array(SHIFTS[band])
     return np.vstack([turned, [0.0, 0.0, 1.0]])
 
 
@@ -63,16 +63,26 @@ def tiff_of(counts: NDArray[Any], when: datetime | None = None) -> bytes:
     """As cameras write a band; `when`: the capture time that it tells."""
     if when is None:
         return _tiff(counts)
-    # Behind the picture a directory of one entry, the capture time, whose text follows it.
-    at = len(_tiff(counts, [(0x8769, "I", 1, 0, True)])) + 1 & ~1
-    data = _tiff(counts, [(0x8769, "I", 1, at, True)]).ljust(at, b"\0")
+    # Behind the picture a directory of one entry, the capture time, whose text follows it. Its place is in a tag that is called
+    # otherwise first, for it is not written by that name.
+    at = len(_tiff(counts, 0)) + 1 & ~1
+    data = (
+        _tiff(counts, at)
+        .ljust(at, b"\0")
+        .replace(struct.pack("<HHII", _PLACE, 4, 1, at), _EXIF + struct.pack("<I", at))
+    )
     entry = struct.pack("<HHII", 0x9003, 2, 20, at + 18)
     return data + struct.pack("<H", 1) + entry + bytes(4) + f"{when:%Y:%m:%d %H:%M:%S}\0".encode()
 
 
-def _tiff(counts: NDArray[Any], tags: Sequence[tuple[object, ...]] = ()) -> bytes:
+_PLACE = 65000
+_EXIF = struct.pack("<HHI", 0x8769, 4, 1)
+
+
+def _tiff(counts: NDArray[Any], place: int | None = None) -> bytes:
     file = io.BytesIO()
-    tifffile.imwrite(file, counts, photometric="minisblack", metadata=None, extratags=list(tags), byteorder="<")
+    tags = [] if place is None else [(_PLACE, "I", 1, place, True)]
+    tifffile.imwrite(file, counts, photometric="minisblack", metadata=None, extratags=tags, byteorder="<")
     return file.getvalue()
 
 

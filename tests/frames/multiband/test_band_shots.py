@@ -133,7 +133,9 @@ def test_a_frame_says_what_it_was_made_from_and_keeps_the_reference_as_it_was(
     assert first.data is not None
     (tmp_path / "made.tif").write_bytes(first.data)
     with tifffile.TiffFile(tmp_path / "made.tif") as file:
-        assert json.loads(file.pages[0].description) == {"bands": [file_of(0, band) for band in BANDS]}
+        page = file.pages[0]
+        assert isinstance(page, tifffile.TiffPage)
+        assert json.loads(page.description) == {"bands": [file_of(0, band) for band in BANDS]}
     assert first.size == len(first.data) != len(data)
 
 
@@ -207,7 +209,7 @@ def test_who_asks_for_one_band_gets_it(tmp_path: Path, shots: list[Files], setti
     given = frames_in(write(tmp_path / "given", shots), FolderSettings(**settings))  # type: ignore[arg-type]
     band = 3 if "cameras" in settings else 2
     assert {frame.name: pixels(frame).shape[2] for frame in given.frames} == {file_of(k, band): 1 for k in range(SHOTS)}
-    watched = Watched(tmp_path / "live", **settings)
+    watched = Watched(tmp_path / "live", **settings)  # type: ignore[arg-type]
     for files in shots[:2]:
         watched.bring(files, 0.1)
         watched.wait(1.0)
