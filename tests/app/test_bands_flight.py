@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,7 @@ from tests.frames.multiband.band_files import BANDS, BORDER, HEIGHT, WIDTH, file
 from tests.running import Running, events_of, flying, frames_of, run, six_pictures
 
 SHOTS = 5
+NAMED = ["IMG_0000_1.tif", "IMG_0001_2.tif", "IMG_0002.tif", "IMG_0003", ""]  # by the shots' messages
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +35,10 @@ def shots(world_cache: Path) -> list[dict[str, bytes]]:
 def flown(tmp_path_factory: pytest.TempPathFactory, shots: list[dict[str, bytes]]) -> Running:
     with flying(tmp_path_factory.mktemp("flown")) as flight:
         for number, files in enumerate(shots):
-            flight.trigger(file_of(number, 2))
+            flight.trigger(NAMED[number])
             for name, data in files.items():
                 flight.bring(name, data)
-            flight.wait_for(lambda status: status, "it goes on")
+            time.sleep(1.2)  # as such cameras take
         flight.wait_for_frames(placed=SHOTS)
         assert flight.end() == 0
         return flight
@@ -47,8 +49,11 @@ def test_each_shot_is_one_frame_with_its_event(flown: Running) -> None:
         file_of(number, 2): "placed" for number in range(SHOTS)
     }
     assert events_of(flown.out) == ["matched"] * SHOTS
+    with Ledger(flown.out / "flight.sqlite", read_only=True) as ledger:
+        assert [event.frame for event in ledger.events()] == [file_of(number, 2) for number in range(SHOTS)]
     assert flown.document("mosaic.json")["orphans"] == 0
     assert flown.said.count("5 bands of each shot are one frame") == 1
+    assert "Each shot has several files" not in flown.said
 
 
 def test_the_originals_have_all_bands_and_the_flight_is_whole(flown: Running) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import AnyArray, Array, Matrix3x3, PointsNx2
 
-WORK_PX = 1600  # longer pictures are registered at a whole fraction of their size
+WORK_PX = 1000  # longer pictures are registered at a whole fraction of their size, to a tenth of a pixel
 COARSE_PX = 320
 FARTHEST = 0.2  # shift as a share of the picture's sides; lenses of one rig look at the same ground
 MOST_STRETCH = 1.25  # of areas
@@ -24,7 +24,7 @@ COLUMNS, ROWS = 8, 6  # of patches
 AGREE_PX = 1.5
 LEAST_PATCHES, LEAST_IN_QUARTER = 12, 2
 LEAST_SHARE = 0.6  # of the patches that are found clearly
-_SMOOTH_PX, _LOCAL_PX = 1.0, 12.0
+_SMOOTH_PX, _LOCAL_PX = 1.0, 41
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +81,8 @@ def _resized(image: AnyArray, width: int, height: int) -> AnyArray:
 def _normalised_edges(image: AnyArray) -> Array:
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _SMOOTH_PX)
     strength = cv2.magnitude(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
-    above = strength - cv2.GaussianBlur(strength, (0, 0), _LOCAL_PX)
-    local = np.sqrt(cv2.GaussianBlur(above * above, (0, 0), _LOCAL_PX))
+    above = strength - cv2.blur(strength, (_LOCAL_PX, _LOCAL_PX))
+    local = np.sqrt(cv2.blur(above * above, (_LOCAL_PX, _LOCAL_PX)))
     # Where there is next to nothing to be seen, noise is not to look like structure.
     return np.asarray(above / (local + 0.2 * float(np.median(local)) + 1e-6))
 

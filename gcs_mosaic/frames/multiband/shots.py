@@ -119,8 +119,9 @@ class BandShots:
             yield from self._learn(0.0, is_last=True)
 
     def counted(self, cameras: Sequence[CameraCount]) -> tuple[CameraCount, ...]:
-        """The same cameras; those whose bands are in the frames are mapped."""
-        together = set(self._bands) if self._state == "together" else set()
+        """The same cameras; those whose bands are in the frames are mapped, or will be, for all that is known so far."""
+        waiting = {camera for shot in self._shots.values() if shot.reference for camera in shot.files}
+        together = set(self._bands) or waiting - self._left_out.keys()
         return tuple(one._replace(mapped=one.mapped or one.name in together) for one in cameras)
 
     def _is_known(self, frame: Frame) -> bool:
