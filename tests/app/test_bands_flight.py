@@ -26,7 +26,7 @@ def shots(world_cache: Path) -> list[dict[str, bytes]]:
     files = list[dict[str, bytes]]()
     for number, jpeg in enumerate(six_pictures(world_cache, size=wide)[:SHOTS]):
         grey = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
-        looked_at = np.asarray(grey / np.float32(255), np.float32)
+        looked_at = np.asarray(np.asarray(grey) / np.float32(255), np.float32)
         files.append({file_of(number, band): tiff_of(seen(looked_at, band, number)) for band in BANDS})
     return files
 
