@@ -16,7 +16,9 @@ from gcs_mosaic.stitch.arrays import AnyArray, Array, Matrix3x3, PointsNx2
 
 WORK_PX = 1000  # longer pictures are registered at a whole fraction of their size, to a tenth of a pixel
 COARSE_PX = 320
-FARTHEST = 0.2  # shift as a share of the picture's sides; lenses of one rig look at the same ground
+FARTHEST = (
+    0.12  # shift as a share of the picture's sides: lenses of one rig look at the same ground, pictures in a row do not
+)
 MOST_STRETCH = 1.25  # of areas
 CLEAR = 0.7  # the second best place, as a share of the agreement at the best
 ROUNDS = 3

@@ -35,7 +35,8 @@ QUIET_S = (
 MISSING_S = 10.0  # ... of a later shot, until what has not come is missing
 LONGEST_S = 20.0  # that the first shots wait
 FIRST_SHOTS = 8  # at most
-CLEAR_TIMES = 3  # a band is found in the first shots; in their end once is enough
+CLEAR_TIMES = 3  # a band is found in the first shots
+LEAST_TIMES = 2  # ... when they are over; once may be chance, as of pictures that a counter numbers like bands
 FORGET_S = 60.0  # names of files without their reference band
 ONE_SHOT_S = 3.0  # between the capture times of its files
 HELD_DATA = 8  # reference bands whose bytes are held, too
@@ -69,6 +70,7 @@ class BandShots:
         self._kinds: tuple[object, ...] | None = None  # size and depth of the reference
         self._done: dict[str, str | None] = {}  # hash of the reference's picture, by the name of its file
         self._said: set[str] = set()
+        self._tried = 0  # shots
         self._is_passing = False  # why a file could not be read the last time: it is being written again
 
     def take(self, item: Frame | OtherFile, now: float) -> Iterator[Item]:
@@ -84,6 +86,7 @@ class BandShots:
         if isinstance(item, Frame) and self._is_known(item):
             logger.info("%s was written again with the same picture", item.name)
             return
+        yield from self._refuted()
         self._add(frame, file, now, is_reference=isinstance(item, Frame))
         yield from self._advance(file.shot, now)
 
@@ -93,12 +96,12 @@ class BandShots:
         if self._state == "apart":
             yield frame
             return
-        shot = f"{len(self._done)} {frame.name}"
-        self._shots[shot] = _Shot(now, now, dict(files), reference, is_whole=True)
-        yield from self._advance(shot, now)
+        self._shots[frame.name] = _Shot(now, now, dict(files), reference, is_whole=True)
+        yield from self._advance(frame.name, now)
 
     def due(self, now: float) -> Iterator[Item]:
         """What has waited long enough."""
+        yield from self._refuted()
         if self._state == "learning":
             yield from self._learn(now)
         elif self._state == "together":
@@ -136,6 +139,14 @@ class BandShots:
         is_held = is_reference and sum(bool(one.reference) for one in self._shots.values()) <= HELD_DATA
         shot.files[file.camera] = frame if is_held else replace(frame, data=None)
 
+    def _refuted(self) -> Iterator[Frame]:
+        """Pictures whose numbers have shown in the meantime that they are no bands; their like come by themselves."""
+        for name, shot in list(self._shots.items()):
+            reference = shot.files.get(shot.reference)
+            if reference is not None and not shot.is_whole and self._band_of(reference.name) is None:
+                del self._shots[name]
+                yield reference
+
     def _advance(self, name: str, now: float) -> Iterator[Item]:
         if self._state == "learning":
             yield from self._learn(now)
@@ -157,11 +168,21 @@ class BandShots:
         is_late = bool(shots) and now >= shots[0].began + LONGEST_S
         if self._is_enough(CLEAR_TIMES):
             yield from self._begin(CLEAR_TIMES, now)
+        elif is_late and not (is_last or is_full or self._is_enough(LEAST_TIMES)) and self._tried < CLEAR_TIMES:
+            yield from self._let_go()
         elif is_last or is_full or is_late:
-            yield from self._begin(1, now)
+            yield from self._begin(LEAST_TIMES, now)
+
+    def _let_go(self) -> Iterator[Frame]:
+        """Of too few shots to tell, as of one at take-off, the reference is mapped; the next ones go on."""
+        for name, shot in list(self._shots.items()):
+            if shot.reference and shot.learned:
+                del self._shots[name]
+                yield shot.files[shot.reference]
 
     def _learn_of(self, shot: _Shot) -> None:
         shot.learned = True
+        self._tried += 1
         images = self._pixels(shot, list(shot.files))
         if images is None or len(images) < 2:
             return

@@ -172,12 +172,12 @@ def test_where_it_does_not_show_how_bands_lie_one_is_mapped_of_all_shots(tmp_pat
     assert {frame.name: pixels(frame).shape[2] for frame in given.frames} == {file_of(k, 2): 1 for k in range(12)}
     assert ["it does not show in the first 8 shots" in notice.text for notice in given.said] == [True]
     watched = Watched(tmp_path / "live")
-    for files in water[:2]:
+    for files in water[:3]:
         watched.bring(files, 0.1)
     watched.wait(LONGEST_S + 1.0)
-    watched.bring(water[2], 0.1)
+    watched.bring(water[3], 0.1)
     watched.wait(1.0)
-    assert {frame.name: pixels(frame).shape[2] for frame in watched.frames} == {file_of(k, 2): 1 for k in range(3)}
+    assert {frame.name: pixels(frame).shape[2] for frame in watched.frames} == {file_of(k, 2): 1 for k in range(4)}
 
 
 def test_over_water_later_bands_lie_as_they_did_before(tmp_path: Path, shots: list[Files], water: list[Files]) -> None:
@@ -242,17 +242,28 @@ def test_bands_of_two_moments_are_not_mixed(tmp_path: Path, ground: NDArray[np.u
 
 def test_what_was_taken_is_not_put_together_again(tmp_path: Path, shots: list[Files]) -> None:
     watched = Watched(tmp_path / "live")
-    for files in shots[:4]:
+    for files in shots[:3]:
         watched.bring(files, 0.1)
     watched.wait(QUIET_S + 1.0)
-    assert len(watched.frames) == 4
+    assert len(watched.frames) == 3
     taken = {frame.name: Taken(1, frame.size, frame.modified) for frame in watched.frames}
     again = Watched(tmp_path / "live", taken)
     again.wait(LONGEST_S + MISSING_S)
     assert again.frames == []
-    again.bring(shots[4], 0.1)
+    for files in shots[3:]:
+        again.bring(files, 0.1)
     again.wait(LONGEST_S + 1.0)
-    assert {frame.name: pixels(frame).shape[2] for frame in again.frames} == {file_of(4, 2): 5}
+    assert {frame.name: pixels(frame).shape[2] for frame in again.frames} == {file_of(k, 2): 5 for k in (3, 4)}
+
+
+def test_a_single_shot_at_take_off_does_not_decide(tmp_path: Path, shots: list[Files]) -> None:
+    watched = Watched(tmp_path / "live")
+    watched.bring(shots[0], 0.1)
+    watched.wait(LONGEST_S + 2.0)
+    for files in shots[1:]:
+        watched.bring(files, 0.1)
+    watched.wait(QUIET_S + 2.0)
+    assert [pixels(frame).shape[2] for frame in watched.frames] == [1, 5, 5, 5, 5]
 
 
 def test_a_reference_that_is_tagged_later_is_no_frame_of_its_own(tmp_path: Path, shots: list[Files]) -> None:
@@ -280,3 +291,15 @@ def test_bands_that_are_tagged_as_they_come_are_waited_for(tmp_path: Path, shots
     path.write_bytes(path.read_bytes() + b"\0tags")
     watched.wait(2.0)
     assert [pixels(frame).shape[2] for frame in watched.frames] == [5] * 5
+
+
+def test_pictures_in_a_row_whose_numbers_look_like_bands_are_not_mixed(
+    tmp_path: Path, ground: NDArray[np.uint8]
+) -> None:
+    """They overlap, come fast, and tell no time; the eleventh shows that they are counted."""
+    watched = Watched(tmp_path / "live")
+    row = {f"FLIGHT_0001_{k}.tif": tiff_of(seen(cut(ground, 20 * k, 300), 2, k)) for k in range(1, 13)}
+    watched.bring(row, 0.3)
+    watched.wait(LONGEST_S + MISSING_S)
+    assert sorted(names(watched.frames)) == sorted(row)
+    assert {pixels(frame).shape[2] for frame in watched.frames} == {1}
