@@ -52,9 +52,15 @@ class GivenFrames:
     def items(self) -> Iterator[Frame | DamagedFile | Notice]:
         """Frames that are not known yet, files that are none, and what is to be said; files are read on demand."""
         for item in self.images.frames if self.images else ():
+            yield from self._said()
             if (new := self._new(item)) is not None:
                 yield new
+        yield from self._said()
         yield from read_all(self.videos.readings)
+
+    def _said(self) -> Iterator[Notice]:
+        while self.images and self.images.said:
+            yield self.images.said.popleft()
 
     def _new(self, item: Frame | DamagedFile) -> Frame | DamagedFile | None:
         if item.name not in self.known:

@@ -1,4 +1,5 @@
-"""Frame sources: a watched folder, files, a live stream (`rtsp`). Each frame is delivered once, and complete.
+"""Frame sources: a watched folder, files, a live stream (`rtsp`). Each frame is delivered once, and complete; bands in files of
+their own become one (`multiband`).
 
 Their pictures are decoded in processes of their own (`decoding`).
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC
 from fnmatch import fnmatchcase
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from gcs_mosaic.frames.alternation import CAMERAS as COUNTED_TOGETHER
 from gcs_mosaic.frames.alternation import Alternation
@@ -18,7 +18,7 @@ from gcs_mosaic.frames.guesses import AT_ONCE_S, is_beyond_bands, proved
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.frames.picture_size import picture_size
 from gcs_mosaic.frames.scan import Look
-from gcs_mosaic.frames.shot_names import Guess, ShotFile, shot_file, without_guess
+from gcs_mosaic.frames.shot_names import Guess, ShotFile, is_band, shot_file, without_guess
 from gcs_mosaic.frames.shot_register import ShotRegister, Size
 from gcs_mosaic.frames.small_copies import SizedFile, SmallCopies
 from gcs_mosaic.messages import CameraCount, Frame, OtherFile
@@ -26,6 +26,7 @@ from gcs_mosaic.messages import CameraCount, Frame, OtherFile
 HOLD_S = 2.0  # the first files of a camera, until those of others of the same shot are there
 HOLD_KIND_S = 1.0  # ... of a TIFF that no more than its ending would tell apart: most have no others beside them
 HELD_DATA = 8  # files whose bytes are held, too
+ENOUGH_MAPPED = 2  # files of one number, by which a resumed flight knows a band
 MOST_TRIES = 3  # of a guess that is not borne out
 COPY = "small copy"  # of a frame of the same name, in the place of its camera
 CHOSEN = "*"  # name of all that patterns leave out
@@ -87,11 +88,29 @@ class Cameras:
 
     def resume(self, names: Iterable[str]) -> None:
         """Files of these names were mapped before a restart."""
-        for name in () if self._patterns else names:
-            file = without_guess(name) if shot_file(name).guess else shot_file(name)
+        told = [] if self._patterns else [(name, shot_file(name)) for name in names]
+        self._prove_bands([file for _, file in told if file.guess == "bands"])
+        for name, guessed in told:
+            file = without_guess(name) if guessed.guess and guessed.guess not in self._proved else guessed
             self._register.add(file)
             self._register.mapped(file.camera)
-            self._settled.add(file.camera)
+            self._settled |= {file.camera} if file.guess is None else set()
+
+    def _prove_bands(self, mapped: Sequence[ShotFile]) -> None:
+        """Of shots that were mapped by one and the same number, this is a band: a counter would have had others, too."""
+        if len(mapped) >= ENOUGH_MAPPED and len({file.camera for file in mapped}) == 1:
+            self._proved.add("bands")
+
+    def band_of(self, name: str) -> ShotFile | None:
+        """Shot and camera of a file that is one of several bands; None of any other."""
+        file = self._file(name)
+        if (
+            self._patterns
+            or not is_band(file_and_version(name)[0], file)
+            or (file.guess is not None and file.guess not in self._proved)
+        ):
+            return None
+        return file if len(self._register.group(file.camera)) > 1 else None
 
     def due(self, now: float) -> Iterator[Frame | OtherFile]:
         """What has been held long enough."""
@@ -179,14 +198,26 @@ class Cameras:
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """The files that are mapped, in the order given, and what is to be said of the others; empty if there are none."""
+    """The files that are mapped, in the order given, and what is to be said of the others; empty if there are none.
+
+    `bands`: the files of one shot's bands by camera, by the path of that which is mapped."""
 
     looks: list[Look]
     said: str = ""
+    bands: Mapping[Path, ShotBands] = field(default_factory=dict)
 
 
-def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = ()) -> Chosen:
-    """Of files that are all there: those of one camera, where several take each shot."""
+@dataclass(frozen=True, slots=True)
+class ShotBands:
+    """Files of the bands of one shot, by camera; `reference` is the camera that is mapped."""
+
+    reference: str
+    looks: Mapping[str, Look]
+
+
+def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = (), *, together: bool = False) -> Chosen:
+    """Of files that are all there: those of one camera, where several take each shot. `together`: the bands of each shot are to
+    become one frame."""
     if patterns:
         by_size = any(_SIZE.fullmatch(pattern) for pattern in patterns)
         mapped = [
@@ -201,9 +232,30 @@ def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = ()) -> Chosen:
     for look, file in zip(looks, files, strict=True):
         when = capture_time(look.path) if shots[file.shot] > 1 else None
         register.add(file, captured=None if when is None else when.replace(tzinfo=UTC).timestamp())
-    kept = [look for look, file in zip(looks, files, strict=True) if register.mapped(file.camera) == file.camera]
+    pairs = list(zip(looks, files, strict=True))
+    kept = [(look, file) for look, file in pairs if register.mapped(file.camera) == file.camera]
+    bands = _bands_of(pairs, kept, register) if together else {}
+    cameras = {camera for shot in bands.values() for camera in shot.looks}
     told = f"{len(copies)} small copies of other images are left out, {min(copies)} for one" if copies else ""
-    return Chosen(kept, "; ".join(filter(None, [in_words(register.counts()), told])))
+    counts = [one._replace(mapped=one.mapped or one.name in cameras) for one in register.counts()]
+    return Chosen([look for look, _ in kept], "; ".join(filter(None, [in_words(counts), told])), bands)
+
+
+def _bands_of(
+    files: Sequence[tuple[Look, ShotFile]], kept: Sequence[tuple[Look, ShotFile]], register: ShotRegister
+) -> dict[Path, ShotBands]:
+    """Those of shots that have several."""
+    shots: dict[str, dict[str, Look]] = {}
+    for look, file in files:
+        if is_band(look.name, file):
+            shots.setdefault(file.shot, {})[file.camera] = look
+    found: dict[Path, ShotBands] = {}
+    for look, file in kept:
+        group, bands = register.group(file.camera), shots.get(file.shot, {})
+        mine = {camera: band for camera, band in bands.items() if camera in group}
+        if len(group) > 1 and mine.get(file.camera) is look:
+            found[look.path] = ShotBands(file.camera, mine)
+    return found if any(len(shot.looks) > 1 for shot in found.values()) else {}
 
 
 def _small_copies(looks: Sequence[Look]) -> set[str]:
@@ -266,9 +318,10 @@ def in_words(cameras: Sequence[CameraCount]) -> str:
             f"{left[0].files} files are left out, for only those called {mapped[0].name} are mapped ({mapped[0].files} so far), "
             "as asked for by --cameras or the settings"
         )
+    verb = "is" if len(mapped) == 1 else "are"
     others = ", ".join(f"{_called(one.name)} ({one.files})" for one in left[:8])
     return (
-        f"Each shot has several files: {', '.join(_called(one.name) for one in mapped)} is mapped, {others} left out. To map "
+        f"Each shot has several files: {', '.join(_called(one.name) for one in mapped)} {verb} mapped, {others} left out. To map "
         f"another instead, give --cameras '{pattern_of(left[0].name)}' (or cameras: under frames: in the settings), '*' for all"
     )
 

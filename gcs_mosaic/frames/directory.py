@@ -17,15 +17,17 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.appearance import Appearances, Pause
 from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
-from gcs_mosaic.frames.decoding.proof import Proof, decodes_here
+from gcs_mosaic.frames.decoding.proof import Proof, decodes_here, loads_here
 from gcs_mosaic.frames.files import frames_in as frames_in
 from gcs_mosaic.frames.integrity import image_size
+from gcs_mosaic.frames.multiband.shots import BandShots, Load
 from gcs_mosaic.frames.passed_over import Kinds, PassedOver, stem_of
 from gcs_mosaic.frames.pending_file import Candidate, Prove, Unread, file_and_version
 from gcs_mosaic.frames.previews import Previews
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.frames.scan import Look, Scan, scan
 from gcs_mosaic.frames.settings import FolderSettings
+from gcs_mosaic.frames.shot_names import is_band, shot_file
 from gcs_mosaic.frames.video.watched import WatchedVideos
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, SourceReport, Topic
 
@@ -75,7 +77,7 @@ def watch(
     made = _make_folder(folder)
     proof = Proof(decode, settings.max_pixels)
     videos = videos or WatchedVideos(settings, StreamSettings(), {})
-    return _watching(FolderWatch(folder, settings, time.time(), taken, proof, videos), made, stop, proof)
+    return _watching(FolderWatch(folder, settings, time.time(), taken, proof, videos, proof.load), made, stop, proof)
 
 
 def _watching(watched: FolderWatch, made: list[Item], stop: threading.Event, proof: Proof) -> Iterator[Item]:
@@ -125,6 +127,7 @@ class FolderWatch:
         taken: Mapping[str, Taken] | None = None,
         prove: Prove = decodes_here,
         videos: WatchedVideos | None = None,
+        load: Load = loads_here,
     ) -> None:
         self._folder, self._settings, self._prove, self._videos = folder, settings, prove, videos
         # Files that arrived unwatched are no older than the flight, even if the camera's clock is wrong.
@@ -137,6 +140,8 @@ class FolderWatch:
         self._versions = {name: one.version for name, one in self._before.items()}
         self._cameras, self._passed_over, self._previews = Cameras(settings.cameras), PassedOver(), Previews()
         self._cameras.resume(self._before)
+        is_asked = settings.bands == "together"
+        self._shots = BandShots(load, self._cameras.band_of) if is_asked else None
         self._has_left = False  # some that were ready wait for the next scan
         self._polls = self._left = self._left_lately = self._taken = self._damaged = self._gaps = self._changed = 0
         self._clock_off_s: float | None = None
@@ -168,7 +173,8 @@ class FolderWatch:
         yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
         yield from self._due(now)
         if self._polls == 2:
-            yield from self._cameras.all_held()  # that a file was there at the start says something of its event
+            # That a file was there at the start says something of its event.
+            yield from self._put_together(self._cameras.all_held(), now)
             yield self._first_look()
         if self._videos is not None:
             yield from self._of_videos(self._videos, found, now)
@@ -224,7 +230,10 @@ class FolderWatch:
 
     def _was_taken(self, look: Look) -> bool:
         before = self._before.get(look.name)
-        return before is not None and (look.size, look.modified_ns / 1e9) == (before.size, before.modified)
+        if before is None or look.modified_ns / 1e9 != before.modified:
+            return False
+        # Of a frame that was made of several bands the size is not that of the file.
+        return look.size == before.size or is_band(look.name, shot_file(look.name))
 
     def _take(self, look: Look, now: float) -> Iterator[Item]:
         item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1, self._prove)
@@ -247,13 +256,20 @@ class FolderWatch:
         self._versions[name] = version
         self._taken += 1
         self._last_utc = time.time()
-        yield from self._cameras.take(frame, image_size(frame.data or b""), now)
+        yield from self._put_together(self._cameras.take(frame, image_size(frame.data or b""), now), now)
+
+    def _put_together(self, sorted_files: Iterator[Frame | OtherFile], now: float) -> Iterator[Item]:
+        """Bands of one shot become one frame."""
+        for item in sorted_files:
+            yield from (item,) if self._shots is None else self._shots.take(item, now)
 
     def _due(self, now: float) -> Iterator[Item]:
         """What has waited for other files of its shot, or for the rest of itself."""
         for frame in self._previews.due(now):
             yield from self._accepted(frame, now)
-        yield from self._cameras.due(now)
+        yield from self._put_together(self._cameras.due(now), now)
+        if self._shots is not None:
+            yield from self._shots.due(now)
 
     def _doubted(self, name: str, doubt: str) -> Iterator[Notice]:
         """Say once why frames come later than they could."""
@@ -314,7 +330,7 @@ class FolderWatch:
             left=self._left,
             left_lately=self._left_lately,
             clock_off_s=self._clock_off_s if abs(self._clock_off_s or 0.0) >= CLOCK_OFF_S else None,
-            cameras=self._cameras.counts,
+            cameras=self._cameras.counts if self._shots is None else self._shots.counted(self._cameras.counts),
             reading="" if self._videos is None else self._videos.reading,
         )
         before = self._reported

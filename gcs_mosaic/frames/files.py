@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import groupby
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.cameras import chosen_of
+from gcs_mosaic.frames.cameras import Chosen, ShotBands, chosen_of
+from gcs_mosaic.frames.decoding.proof import Proof
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
+from gcs_mosaic.frames.multiband.shots import BandShots
 from gcs_mosaic.frames.passed_over import RAW_SUFFIXES, Kinds, PassedOver, in_words, stem_of
 from gcs_mosaic.frames.pending_file import FileRead, Prove, frame_of, read_whole, versioned
 from gcs_mosaic.frames.scan import LEDGER, VIDEO_SUFFIXES, Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, content_hash
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, content_hash
 
 FRAMES_OF_VIDEOS = "gcs-mosaic stitch takes those, and keeps their frames in DIR/frames, which can be given here."
 
@@ -28,7 +31,7 @@ class Given:
     """A number of files, each yielded as a frame or as a DamagedFile with the reason, read on demand.
 
     As text for the operator: `order`, how they are sorted; `passed_over`, what could not be inspected. `notes`: further
-    remarks for the log.
+    remarks for the log. `said`: what has shown since, while frames were read; to be taken out.
     """
 
     count: int
@@ -36,6 +39,7 @@ class Given:
     order: str
     passed_over: tuple[str, ...]
     notes: tuple[str, ...]
+    said: deque[Notice] = field(default_factory=deque)
 
 
 def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = None) -> Given:
@@ -46,9 +50,11 @@ def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = No
     Raises UsageError immediately for a path that does not exist and for a folder without images.
     """
     settings = settings or FolderSettings()
-    found = files_in([paths] if isinstance(paths, Path) else list(paths), settings.cameras)
-    frames = _frames(found.looks, settings)
-    return Given(len(found.looks), frames, found.order, found.passed_over, found.notes)
+    together = settings.bands == "together"
+    found = files_in([paths] if isinstance(paths, Path) else list(paths), settings.cameras, together=together)
+    said = deque[Notice]()
+    frames = _frames_of_bands(found, settings, said) if found.bands else _frames(found.looks, settings)
+    return Given(len(found.looks), frames, found.order, found.passed_over, found.notes, said)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,20 +65,22 @@ class GivenFiles:
     order: str
     passed_over: tuple[str, ...]
     notes: tuple[str, ...]
+    bands: Mapping[Path, ShotBands] = field(default_factory=dict)
 
 
-def files_in(given: list[Path], cameras: Sequence[str] = ()) -> GivenFiles:
-    """As `frames_in`, without reading the files; `cameras` are patterns as in `FolderSettings`."""
-    notes = list[str]()
+def files_in(given: list[Path], cameras: Sequence[str] = (), *, together: bool = False) -> GivenFiles:
+    """As `frames_in`, without reading the files; `cameras` are patterns as in `FolderSettings`. `together`: as in `chosen_of`."""
+    notes, bands = list[str](), dict[Path, ShotBands]()
     looks, passed_over = list[Look](), list[str]()
     for _, paths in groupby(given, key=lambda path: path if path.is_dir() else None):
         found = [looks_in(path) for path in paths]  # files that are named one by one are told apart together
-        some, said = mapped_of([look for looks, _ in found for look in looks], cameras)
-        looks += some
-        passed_over += [*(text for _, texts in found for text in texts), *said]
+        chosen = _chosen([look for looks, _ in found for look in looks], cameras, together=together)
+        looks += chosen.looks
+        bands |= chosen.bands
+        passed_over += [*(text for _, texts in found for text in texts), *([chosen.said] if chosen.said else [])]
     in_folders = all(path.is_dir() for path in given)
     ordered, order = _in_order(looks, notes.append) if in_folders else (looks, "in the order given")
-    return GivenFiles(ordered, f"{len(looks)} frames {order}", tuple(passed_over), tuple(notes))
+    return GivenFiles(ordered, f"{len(looks)} frames {order}", tuple(passed_over), tuple(notes), bands)
 
 
 def _in_order(looks: list[Look], note: Callable[[str], None]) -> tuple[list[Look], str]:
@@ -99,13 +107,18 @@ def mapped_of(looks: list[Look], cameras: Sequence[str]) -> tuple[list[Look], li
 
     Raises UsageError if the patterns leave nothing.
     """
-    chosen = chosen_of(looks, cameras)
+    chosen = _chosen(looks, cameras)
+    return chosen.looks, [chosen.said] if chosen.said else []
+
+
+def _chosen(looks: list[Look], cameras: Sequence[str], *, together: bool = False) -> Chosen:
+    chosen = chosen_of(looks, cameras, together=together)
     if looks and not chosen.looks:
         raise UsageError(
             f"cameras: none of {len(looks)} images is called {' or '.join(cameras)}, the first is {looks[0].name}: give "
             "patterns of the names, such as '*_T.*', or none."
         )
-    return chosen.looks, [chosen.said] if chosen.said else []
+    return chosen
 
 
 def looks_in(path: Path, *, videos_too: bool = False) -> tuple[list[Look], list[str]]:
@@ -156,6 +169,35 @@ def _frames(looks: list[Look], settings: FolderSettings) -> Iterator[Frame | Dam
     for look in looks:
         seen[look.name] += 1
         yield read_frame(look, versioned(look.name, seen[look.name]), settings)
+
+
+def _frames_of_bands(found: GivenFiles, settings: FolderSettings, said: deque[Notice]) -> Iterator[Frame | DamagedFile]:
+    """As `_frames`; the bands of each shot are one frame, where they can be registered."""
+    with closing(Proof(None, settings.max_pixels)) as proof:
+        shots = BandShots(proof.load, lambda name: None)
+        for look, item in zip(found.looks, _frames(found.looks, settings), strict=True):
+            bands = found.bands.get(look.path)
+            if bands is None or isinstance(item, DamagedFile):
+                yield item
+                continue
+            files = {bands.reference: item} | _others_of(bands, settings)
+            yield from _heard(shots.take_whole(files, bands.reference, 0.0), said)
+        yield from _heard(shots.all_there(), said)
+
+
+def _others_of(bands: ShotBands, settings: FolderSettings) -> dict[str, Frame]:
+    """The bands beside the reference that can be read."""
+    others = {camera: look for camera, look in bands.looks.items() if camera != bands.reference}
+    read = {camera: read_frame(look, look.name, settings) for camera, look in others.items()}
+    return {camera: replace(one, data=None) for camera, one in read.items() if isinstance(one, Frame)}
+
+
+def _heard(items: Iterable[Frame | OtherFile | Notice], said: deque[Notice]) -> Iterator[Frame]:
+    for item in items:
+        if isinstance(item, Notice):
+            said.append(item)
+        elif isinstance(item, Frame):
+            yield item
 
 
 def read_frame(look: Look, name: str, settings: FolderSettings, prove: Prove | None = None) -> Frame | DamagedFile:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import Literal
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.integrity import MAX_PIXELS
@@ -32,6 +33,9 @@ class FolderSettings:
     """Larger files are not read at all: 1 GiB is ten times the largest frame of any airborne camera."""
     cameras: tuple[str, ...] = ()
     """Patterns of file names, such as *_T.*: only these are mapped; none: where several cameras take each shot, one of them."""
+    bands: Literal["together", "one"] = "together"
+    """Bands of one shot in files of their own (RedEdge, Sequoia): one frame of several bands, registered by pixels, or one band
+    alone, as where the time for it is short. Where they cannot be registered, or `cameras` chooses, one band is mapped."""
 
 
 def parse_from(text: str) -> float:

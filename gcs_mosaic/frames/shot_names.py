@@ -36,6 +36,7 @@ WORDS = {
 LETTERS = {"w": 0, "v": 0, "d": 0, "s": 1, "g": 1, "r": 7, "z": 6, "t": 7}  # after a number only; _R is radiometric
 MULTISPECTRAL = {"g": 1, "r": 2, "b": 3, "nir": 4, "re": 5}  # after _MS_
 BANDS = {2: 1, 3: 2, 1: 3, 4: 4, 5: 5}  # of MicaSense: blue, green, red, near infrared, red edge; others after them
+BAND_WORDS = frozenset({"green", "gre", "grn", "red", "blue", "blu", "nir", "rededge", "reg", "re"})
 _LAST_WORD = re.compile(r"(?P<rest>.*[^_\-. ])[_\-. ]+(?P<word>[a-z]+)", re.DOTALL)
 _FIRST_WORD = re.compile(r"(?P<word>[a-z]+)[_\-. ]*(?P<rest>\d.*)", re.DOTALL)
 _BAND = re.compile(r"(?P<rest>.*[a-z][_\-]?\d{3,6})_(?P<band>[1-9]\d?)", re.DOTALL)
@@ -68,6 +69,13 @@ def shot_file(name: str) -> ShotFile:
     if suffix in TIFF and (found := _TENS.fullmatch(path.stem)):
         return ShotFile(_shot(parts, f"{found['rest']}0"), f"{found['band']}{suffix}", int(found["band"]), "tens")
     return without_guess(name)
+
+
+def is_band(name: str, file: ShotFile) -> bool:
+    """Whether a file, which is told to be of this camera and shot, holds one band of light, that others of the shot complete."""
+    if PurePosixPath(name.casefold()).suffix not in TIFF:
+        return False
+    return file.guess == "bands" or file.camera.startswith("_ms_") or file.camera.strip("_/") in BAND_WORDS
 
 
 def without_guess(name: str) -> ShotFile:

@@ -11,7 +11,10 @@ from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.integrity import MAX_PIXELS
 
 if TYPE_CHECKING:
+    from gcs_mosaic.frames.decode import Unreadable
     from gcs_mosaic.frames.decoding.decoders import Decoders
+    from gcs_mosaic.messages import Frame
+    from gcs_mosaic.stitch.arrays import Bands
 
 
 class Proof:
@@ -23,13 +26,21 @@ class Proof:
 
     def __call__(self, data: bytes, content_hash: str) -> str | None:
         from gcs_mosaic.frames.decode import Unreadable
+
+        found = self._started().decode(data, content_hash)
+        # What is not by the file itself is told when the flight decodes it.
+        return found.reason if isinstance(found, Unreadable) and not found.passing else None
+
+    def load(self, frame: Frame) -> Bands | Unreadable:
+        """The pixels of a frame's file."""
+        return self._started().load_frame(frame)
+
+    def _started(self) -> Decoders:
         from gcs_mosaic.frames.decoding.decoders import Decoders
 
         if self._decoders is None:
             self._decoders = Decoders(self._settings, self._max_pixels, processes=1)
-        found = self._decoders.decode(data, content_hash)
-        # What is not by the file itself is told when the flight decodes it.
-        return found.reason if isinstance(found, Unreadable) and not found.passing else None
+        return self._decoders
 
     def close(self) -> None:
         """End the process."""
@@ -43,3 +54,10 @@ def decodes_here(data: bytes, content_hash: str) -> str | None:
 
     found = decode_image(data)
     return found.reason if isinstance(found, Unreadable) else None
+
+
+def loads_here(frame: Frame) -> Bands | Unreadable:
+    """The pixels of such a frame's file, without a process."""
+    from gcs_mosaic.frames.decode import load_frame
+
+    return load_frame(frame)
