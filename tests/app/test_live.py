@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import cv2
@@ -21,8 +21,8 @@ from gcs_mosaic.app import links as listening
 from gcs_mosaic.app import live as daemon
 from gcs_mosaic.app.shutdown import Shutdown
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.records import FrameRecord
 from sitl.delivery import write_slowly
 from tests.ports import free_port
@@ -297,10 +297,17 @@ def test_pictures_that_come_while_the_program_starts_find_their_triggers(tmp_pat
     )
     stop, out = threading.Event(), tmp_path / "mosaic"
 
+    def both_have_come() -> bool:
+        with suppress(UsageError):  # the ledger is being made
+            return len(frames_of(out)) == 2
+        return False
+
     def stop_with_both() -> None:
         """Not waiting for the link to decide whom it follows: it does so when it ends."""
-        until(lambda: (out / LEDGER_NAME).exists() and len(frames_of(out)) == 2, "both have come")
-        stop.set()
+        try:
+            until(both_have_come, "both have come")
+        finally:
+            stop.set()
 
     threading.Thread(target=stop_with_both).start()
     with ExitStack() as stack, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as camera:
