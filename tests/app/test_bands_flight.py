@@ -15,6 +15,8 @@ from gcs_mosaic.store.ledger import Ledger
 from tests.frames.multiband.band_files import BANDS, BORDER, HEIGHT, WIDTH, file_of, seen, tiff_of
 from tests.running import Running, events_of, flying, frames_of, run, six_pictures
 
+pytestmark = pytest.mark.long
+
 SHOTS = 5
 NAMED = ["IMG_0000_1.tif", "IMG_0001_2.tif", "IMG_0002.tif", "IMG_0003", ""]  # by the shots' messages
 

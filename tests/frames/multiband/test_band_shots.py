@@ -139,7 +139,9 @@ def test_a_frame_says_what_it_was_made_from_and_keeps_the_reference_as_it_was(
     assert first.size == len(first.data) != len(data)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(k, marks=[pytest.mark.long, pytest.mark.thorough]) for k in (1, 2))]
+)
 def test_files_may_come_in_any_order_over_seconds(tmp_path: Path, shots: list[Files], seed: int) -> None:
     watched, rng = Watched(tmp_path / "live"), random.Random(seed)
     for files in shots:
