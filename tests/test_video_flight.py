@@ -131,7 +131,7 @@ def _agrees_with_the_path(frames: list[dict[str, Any]]) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("after", [1, 5])
+@pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.thorough), 5])
 def test_a_stitch_that_is_killed_goes_on_with_no_frame_twice_and_none_lost(
     film: Path, tmp_path: Path, after: int
 ) -> None:
@@ -197,6 +197,7 @@ def test_a_video_in_a_watched_folder_is_mapped_and_gone_on_with(film: Path, tmp_
     assert set(found.values()) <= {FrameState.PLACED, FrameState.COVERED}
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_the_memory_of_reading_does_not_grow_with_the_video(tmp_path: Path) -> None:
     """Four minutes, of which the first half fills caches."""
