@@ -17,7 +17,7 @@ from tests.archive.archives import bucket_server, flight_in, tiles_of
 from tests.sure import sure
 
 PROJECT = tomllib.loads((fresh.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-NEEDED_TO_TEST = ("pytest", "pytest-timeout", "hypothesis", "av")
+NEEDED_TO_TEST = ("pytest", "pytest-timeout", "hypothesis", "av", "jsonschema")
 # A smoke set: each library where it is used.
 TESTS = (
     *("test_config.py", "app/test_pipeline.py"),
