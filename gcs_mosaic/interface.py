@@ -14,7 +14,7 @@
 Places are canvas units of an island, x to the right and y down: one unit is about a pixel of the island's first frame. The folder
 is that of every other flight: `gcs-mosaic serve`, `check` and `export` know it. What the program would say to an operator goes
 to `say`, what it logs to the logger `gcs_mosaic`. Of settings only those that are given count, no file and no environment.
-Pictures are decoded in processes of their own, which import the main module again: it needs `if __name__ == "__main__":`.
+Pictures are decoded in processes of their own, which do not import the main module.
 """
 
 from __future__ import annotations

@@ -147,6 +147,7 @@ def test_config_tells_what_is_set_and_where(
     assert "# Set otherwise" not in capsys.readouterr().out
     own.write_text("finish_s: 5")
     monkeypatch.setenv("GCS_MOSAIC_RTSP", "rtsp://user:secret@camera/main")
+    monkeypatch.setenv("GCS_MOSAIC_SOURCE", "recorder:https://user:secret@camera/main")
     assert main(["config"]) == 0
     told = capsys.readouterr().out
     assert f"#   finish_s=5.0 ({own})" in told
@@ -163,12 +164,14 @@ def test_the_log_of_a_flight_tells_where_each_setting_comes_from(
 ) -> None:
     own.write_text("resume_h: 2")
     monkeypatch.setenv("GCS_MOSAIC_RTSP", "rtsp://user:secret@camera/main")
+    monkeypatch.setenv("GCS_MOSAIC_SOURCE", "recorder:https://user:secret@camera/main")
     config = choices.config_of(options.parse(["--out", str(tmp_path / "out")]))
     folder = open_flight_folder(tmp_path / "out")
     with closing(folder), flight_log(folder, config):
         log = (folder.path / LOG_NAME).read_text()
     assert f"resume_h=2.0 ({own})" in log
     assert "rtsp='…' (GCS_MOSAIC_RTSP)" in log
+    assert "source='recorder:…' (GCS_MOSAIC_SOURCE)" in log
     assert "(the command line)" in log
     assert "secret" not in log
 

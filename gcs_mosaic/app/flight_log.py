@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.metadata
 import logging
 import platform
@@ -17,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from gcs_mosaic.config.tree import Config, changed
+from gcs_mosaic.config.tree import Config, changed, shareable
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.folder import LEDGER_NAME, LOG_NAME, FlightFolder
@@ -132,8 +131,7 @@ def _say_nothing(text: str) -> None:
 def _introduce(config: Config) -> None:
     versions = f"Python {platform.python_version()}, OpenCV {cv2.__version__}, numpy {np.__version__}"
     logger.info("gcs-mosaic %s, %s, %s", _version(), versions, platform.platform())
-    shown = dataclasses.replace(config, rtsp="…" if config.rtsp else None)  # may contain a password
-    logger.info("settings that are not the defaults: %s", ", ".join(changed(shown)) or "none")
+    logger.info("settings that are not the defaults: %s", ", ".join(changed(shareable(config))) or "none")
 
 
 def _version() -> str:

@@ -208,10 +208,10 @@ def config(given: argparse.Namespace) -> None:
     from gcs_mosaic.config.settings_file import documented_defaults
 
     print(documented_defaults(), end="", flush=True)
-    from gcs_mosaic.config.tree import changed, configured
+    from gcs_mosaic.config.tree import changed, configured, shareable
     from gcs_mosaic.store.log import masked
 
-    if set_elsewhere := list(changed(configured(None))):
+    if set_elsewhere := list(changed(shareable(configured(None)))):
         print("\n# Set otherwise here, without --config or options:")
         print("".join(f"#   {masked(one)}\n" for one in set_elsewhere), end="")
 

@@ -263,9 +263,8 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 def _add_serve(parser: argparse.ArgumentParser) -> None:
     _add_flight(parser)
     parser.add_argument("--http", metavar="HOST:PORT", default=DEFAULT_PAGE, help="where the page is served")
-    parser.add_argument(
-        "--config", type=Path, metavar="FILE", help="settings in YAML, of which `web` and `permissions` count"
-    )
+    told = f"settings in YAML, of which {', '.join(f'`{one.name}`' for one in fields(ServeSettings))} count"
+    parser.add_argument("--config", type=Path, metavar="FILE", help=told)
 
 
 def _add_status(parser: argparse.ArgumentParser) -> None:

@@ -116,6 +116,13 @@ class Config(Listening):
         return round(1 / self.scale)
 
 
+def shareable(config: Config) -> Config:
+    """A copy to be logged or shown: addresses, which may contain passwords, are left out."""
+    name, colon, _ = (config.source or "").partition(":")
+    source = f"{name}:…" if colon else config.source
+    return dataclasses.replace(config, rtsp="…" if config.rtsp else None, source=source)
+
+
 def changed(config: Config) -> Iterator[str]:
     """The settings that are not the defaults, each with the place that it comes from where that is known."""
     yield from _differences(config, Config(), config.origins)

@@ -51,13 +51,13 @@ class ChildProcess:
         self._words = threading.Thread(target=_log_words, args=(self._process.stdout, what), name="words", daemon=True)
         try:
             self._words.start()
-        except RuntimeError as error:  # no more threads
-            self.pipe.close()
-            self.kill()
-            self._process.wait()
-            raise OSError(str(error)) from error
-        with suppress(OSError):  # it has ended already, which its pipe tells
-            self.pipe.send(given)
+            with suppress(OSError):  # it has ended already, which its pipe tells
+                self.pipe.send(given)
+        except BaseException as error:
+            self._abandon()
+            if isinstance(error, RuntimeError):  # no more threads
+                raise OSError(str(error)) from error
+            raise
 
     def kill(self) -> None:
         """End it, whatever it is doing; whoever waits for it is told. From any thread."""
@@ -74,6 +74,15 @@ class ChildProcess:
         atexit.unregister(self.kill)
         self._words.join(GRACE_S)
         return code
+
+    def _abandon(self) -> None:
+        """Leave nothing of one that could not begin."""
+        self.pipe.close()
+        self.kill()
+        self._process.wait()
+        atexit.unregister(self.kill)
+        if self._words.ident is None and self._process.stdout is not None:  # the thread would close it
+            self._process.stdout.close()
 
 
 def ending(code: int | None) -> str:

@@ -32,7 +32,7 @@ def receive(pipe: Connection) -> tuple[Message, bytes]:
     text, _, mass = pipe.recv_bytes(MOST_BYTES).partition(END)
     try:
         message = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise OSError("no message of ours") from error
     if not isinstance(message, dict):
         raise OSError("no message of ours")
@@ -86,6 +86,6 @@ def was_logged(message: Message, what: str) -> bool:
     try:
         level, text = message["log"]
         logger.log(int(level), "%s: %s", what, text)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise OSError("no message of ours") from error
     return True

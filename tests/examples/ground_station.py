@@ -46,5 +46,5 @@ def tell(flight: gcs_mosaic.FlightReader) -> None:
     print(f"the middle was seen best by {seen[0].name} at {seen[0].x:.0f}, {seen[0].y:.0f}")
 
 
-if __name__ == "__main__":  # pictures are decoded in processes that import this module again
+if __name__ == "__main__":
     fly(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
@@ -63,6 +65,10 @@ def fail(pipe: Connection) -> None:
 
 def niceness(pipe: Connection) -> None:
     pipe.send(os.nice(0))
+
+
+def no_more_threads(_thread: threading.Thread) -> None:
+    raise RuntimeError("can't start new thread")
 
 
 def tell_much(pipe: Connection) -> None:
@@ -126,6 +132,25 @@ def test_the_last_words_of_one_that_breaks_are_in_the_log(caplog: pytest.LogCapt
     assert caplog.messages[-1] == "the broken one: ValueError: nothing goes right"
 
 
+@pytest.mark.skipif(not Path("/proc").exists(), reason="descriptors are counted in /proc")
+@pytest.mark.parametrize("given", ["no thread", threading.Lock()], ids=["no thread", "not to be sent"])
+def test_nothing_is_left_of_one_that_could_not_begin(given: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is tried again and again, on a machine that is at its limits already."""
+    kept, begun = set[int](), list[int]()
+    monkeypatch.setattr(atexit, "register", lambda kill: begun.append(kill.__self__.pid) or kept.add(begun[-1]))
+    monkeypatch.setattr(atexit, "unregister", lambda kill: kept.discard(kill.__self__.pid))
+    if given == "no thread":
+        monkeypatch.setattr(threading.Thread, "start", no_more_threads)
+    before = set(Path("/proc/self/fd").iterdir())
+    with pytest.raises((OSError, TypeError)) as held:
+        ChildProcess("echo", echo, given)
+    assert len(begun) == 1
+    assert not Path(f"/proc/{begun[0]}").exists()
+    assert not kept
+    until(lambda: set(Path("/proc/self/fd").iterdir()) == before, "its descriptors are closed", 5.0)
+    assert held.tb is not None, "not by the garbage collection alone"
+
+
 @pytest.mark.skipif(not hasattr(os, "nice"), reason="no niceness")
 def test_it_is_as_nice_as_it_is_meant_to_be() -> None:
     child = ChildProcess("nice", niceness, niceness=7)
@@ -143,7 +168,9 @@ def test_messages_and_log_records_come_as_they_were_told(caplog: pytest.LogCaptu
     child.end()
 
 
-@pytest.mark.parametrize("data", [b"", b"[1]", b"{", b"\0", b"\xff\0x", b"3\0"], ids=repr)
+@pytest.mark.parametrize(
+    "data", [b"", b"[1]", b"{", b"\0", b"\xff\0x", b"3\0", b"[" * 100_000], ids=lambda data: repr(data[:9])
+)
 def test_what_is_no_message_is_refused(data: bytes) -> None:
     ours, theirs = Pipe()
     with ours, theirs:
@@ -154,7 +181,7 @@ def test_what_is_no_message_is_refused(data: bytes) -> None:
             receive(ours)
 
 
-@pytest.mark.parametrize("told", [["high", "text"], [30], 3, None], ids=repr)
+@pytest.mark.parametrize("told", [["high", "text"], [float("inf"), "text"], [30], 3, None], ids=repr)
 def test_an_odd_log_record_is_refused(told: object) -> None:
     with pytest.raises(OSError, match="no message of ours"):
         was_logged({"log": told}, "it")

@@ -6,10 +6,12 @@ import http.client
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import notes as notes_module
 from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.hint_keeper import HintKeeper
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.token import Access
 from tests.notes.mapped import MappedFlight
@@ -225,6 +228,26 @@ def test_reviews_are_written_at_the_end(flight: MappedFlight) -> None:
     book = NotesBook(flight.root)
     assert book.rows("SELECT count(*) AS n FROM reviewed")[0]["n"] == 8
     book.close()
+
+
+def test_reviews_are_written_before_the_end_waits_for_anybody(
+    flight: MappedFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page's process is killed if it takes too long, as it does while a frame is being searched for hints."""
+    written, stop = list[int](), HintKeeper.stop
+
+    def late(keeper: HintKeeper) -> None:
+        with closing(sqlite3.connect(flight.root / NOTES_NAME)) as notes:
+            written.extend(*notes.execute("SELECT count(*) FROM reviewed"))
+        stop(keeper)
+
+    monkeypatch.setattr(HintKeeper, "stop", late)
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed())
+    client = Writer(server.start())
+    client.send("POST", "/finds", HERE)
+    client.send("POST", "/reviews", {"island": 1, "box": [-256, -256, 0, 256], "level": 17, "seconds": 1, "who": "Kim"})
+    server.stop()
+    assert written == [8]
 
 
 def test_hints_stay_dismissed_until_they_are_brought_back(client: Writer) -> None:

@@ -102,9 +102,10 @@ class DecoderProcess:
         if "shape" not in answer:
             logger.info("a picture is refused: %s", answer)
             return Unreadable(str(answer.get("reason", "cannot be decoded")), passing=bool(answer.get("passing")))
-        shape, kind = reduced_shape(job.whole, job.reduction), KINDS.get(answer["kind"])
+        shape, told = reduced_shape(job.whole, job.reduction), str(answer.get("kind"))
+        kind = KINDS.get(told)
         if answer["shape"] != list(shape) or kind is None:
-            raise OSError(f"a picture of {answer['shape']} {answer['kind']} came instead of {shape}")
+            raise OSError(f"a picture of {answer['shape']} {told} came instead of {shape}")
         image = np.empty(shape, kind)
         self._channel.fill(image.data.cast("B"))
         return image

@@ -117,7 +117,7 @@ class _Keeper:
                 yield self._reported(message["report"])
             else:
                 logger.warning("%s cannot work: %s", WHAT, message.get("refused"))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise OSError("no message of ours") from error
 
     def _frame(self, message: Message, data: bytes) -> Frame:

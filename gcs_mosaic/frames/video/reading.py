@@ -104,7 +104,7 @@ class VideoReading:
             elif "refused" in message:
                 self.refused = str(message["refused"])
                 self._finish()
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise OSError("no message of ours") from error
 
     def _begun(self, described: Described) -> Iterator[Notice]:

@@ -111,11 +111,15 @@ class Notes:
         except CANNOT:
             logger.warning("the notes cannot be read", exc_info=True)
 
-    def close(self) -> None:
+    def flush(self) -> None:
+        """Write what is held in memory."""
         try:
             self.reviews.flush()
         except CANNOT:
             logger.warning("the last reviews cannot be written", exc_info=True)
+
+    def close(self) -> None:
+        self.flush()
         self.book.close()
 
     async def keep_for_ever(self) -> None:
@@ -124,6 +128,9 @@ class Notes:
         while True:
             await asyncio.sleep(KEEP_S)
             await loop.run_in_executor(self._pool, self.keep)
+
+    async def flush_soon(self) -> None:
+        await asyncio.get_running_loop().run_in_executor(self._pool, self.flush)
 
     async def end(self) -> None:
         await asyncio.get_running_loop().run_in_executor(self._pool, self.close)
@@ -146,7 +153,13 @@ NOTES = web.AppKey("notes", Notes)
 def add_notes(app: web.Application, view: FlightView, feed: Feed) -> None:
     """Keep the notes of a flight as long as the application runs."""
     app[NOTES] = Notes(view, feed)
+    app.on_shutdown.append(_flushed)
     app.cleanup_ctx.append(_kept)
+
+
+async def _flushed(app: web.Application) -> None:
+    """At once: what is waited for at the end, requests and processes, may take longer than this process is given."""
+    await app[NOTES].flush_soon()
 
 
 async def _kept(app: web.Application) -> AsyncIterator[None]:
