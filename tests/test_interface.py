@@ -21,6 +21,13 @@ from tests import running
 from tests.ports import free_port
 from tests.sure import sure
 
+WITHOUT_A_GUARD = """
+import sys
+import gcs_mosaic
+print("begun", flush=True)
+with gcs_mosaic.open_flight(sys.argv[1]) as flight:
+    print(flight.add(sys.argv[2]).state.name)
+"""
 EXAMPLE = Path(__file__).parent / "examples" / "ground_station.py"
 
 
@@ -94,6 +101,16 @@ def test_no_settings_but_those_given_count(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setenv("GCS_MOSAIC_OUT", str(tmp_path / "elsewhere"))
     with gcs_mosaic.open_flight(tmp_path / "map") as flight:
         assert flight.folder == tmp_path / "map"
+
+
+def test_a_main_module_is_run_once(pictures: list[bytes], tmp_path: Path) -> None:
+    """Whatever stands in it, without a guard: the processes that decode do not import it."""
+    (tmp_path / "one.jpg").write_bytes(pictures[0])
+    (tmp_path / "plain.py").write_text(WITHOUT_A_GUARD)
+    command = [sys.executable, "plain.py", str(tmp_path / "map"), str(tmp_path / "one.jpg")]
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
+    told = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["begun", "PLACED"]
 
 
 def test_a_small_ground_station_has_a_map(pictures: list[bytes], tmp_path: Path) -> None:

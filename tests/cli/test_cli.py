@@ -275,6 +275,12 @@ def test_help_and_misuse_of_the_installed_program(tmp_path: Path) -> None:
     assert run("--fly", cwd=tmp_path).returncode == 2
 
 
+def test_help_names_all_settings_that_count_for_an_earlier_flight(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["serve", "--help"])
+    assert "`web`, `hints`, `permissions`" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_finished_flight_is_served(flight: Path, tmp_path: Path) -> None:
     """The page, its documents and a tile; SIGTERM ends it."""
     command = [*PROGRAM, "serve", str(flight), "--http", "127.0.0.1:0"]

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import cv2
@@ -23,9 +24,10 @@ from gcs_mosaic.frames.decoding import decoders as door
 from gcs_mosaic.frames.decoding import process as processes
 from gcs_mosaic.frames.decoding.decoders import ENDING, Decoders
 from gcs_mosaic.frames.decoding.limits import Allowance, DecodeSettings, refusal
-from gcs_mosaic.frames.decoding.process import DecoderProcess, Job
+from gcs_mosaic.frames.decoding.process import DecoderProcess, Job, ProcessEnded
 from gcs_mosaic.frames.structure import Whole
 from gcs_mosaic.messages import content_hash
+from gcs_mosaic.processes import pipe as pipes
 from gcs_mosaic.stitch.arrays import Bands
 from tests.frames.image_files import counts, cut, encoded, many_bands, many_scans, picture, textured
 
@@ -56,6 +58,11 @@ def refused(decoders: Decoders, data: bytes) -> str:
     found = decoded(decoders, data)
     assert isinstance(found, Unreadable)
     return found.reason
+
+
+def parrot(pipe: Connection, file: int) -> None:
+    """In the place of a worker."""
+    pipes.send(pipe, pipes.receive(pipe)[0])
 
 
 def pid_of(decoders: Decoders) -> int:
@@ -160,6 +167,18 @@ def test_a_picture_gets_no_more_memory_than_is_meant_for_it() -> None:
         assert isinstance(found, Unreadable)
         assert "allocate" in found.reason or "emory" in found.reason
         assert isinstance(process.decode(Job(data, whole, 1, Allowance(20.0, 10**9), IN_TIME_S)), np.ndarray)
+
+
+@pytest.mark.parametrize("kind", [["uint8"], None, "object"], ids=str)
+@pytest.mark.skipif(not Path("/proc").exists(), reason="processes are looked up in /proc")
+def test_an_answer_that_is_no_picture_ends_the_decoder_alone(kind: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture that has taken the process over can make it say anything."""
+    monkeypatch.setattr(processes, "work", parrot)
+    monkeypatch.setattr(processes, "request_of", lambda *_: {"shape": [8, 8, 3]} | ({"kind": kind} if kind else {}))
+    process = DecoderProcess()
+    found = process.decode(Job(b"", Whole(8, 8), 1, Allowance(20.0, 10**6), IN_TIME_S))
+    assert isinstance(found, ProcessEnded)
+    assert not Path(f"/proc/{process.pid}").exists()
 
 
 def test_a_decoder_that_crashes_costs_its_frame_and_is_said(alone: Decoders) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import multiprocessing
 import threading
 from collections.abc import Callable
@@ -99,6 +100,8 @@ def test_a_frame_belongs_to_the_event_that_asked_for_it(monkeypatch: pytest.Monk
         *(b"\x00\xff", b"[1, 2]", b"{", {}, {"frame": 3}, {"notice": "x"}, {"log": ["x", 1]}),
         {"report": REPORT | COUNTS | {"state": "on fire"}},
         {"report": REPORT | COUNTS | {"seen": "many"}},
+        {"report": REPORT | COUNTS | {"seen": math.inf}},
+        {"log": [math.inf, "x"]},
         {"frame": {"name": NAME, "received": "x", "modified": 1}, "asked": None},
         {"frame": {"name": NAME, "received": 1, "modified": 1}, "asked": []},
     ],
