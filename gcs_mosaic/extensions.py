@@ -70,7 +70,7 @@ def load(kind: Kind, name: str) -> Any:
     return loaded
 
 
-def trouble(kind: Kind, name: str, what: str, error: Exception) -> str:
+def trouble(kind: Kind, name: str, what: str, error: BaseException) -> str:
     """What to say of an extension that has raised something: who is to be asked, and about what."""
     package = next((_package_of(one) for one in entry_points(group=f"gcs_mosaic.{kind}", name=name)), "?")
     told = " ".join(str(error).split())[:200]

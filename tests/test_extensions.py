@@ -32,6 +32,7 @@ no-function = example_extension:EXAMPLE_NUMBER
 raises = example_broken:frames
 no-pair = example_broken:numbers
 no-bytes = example_broken:texts
+exits = example_broken:leave
 [gcs_mosaic.detectors]
 example-bright = example_extension:BrightestSpot
 raises = example_broken:Detector
@@ -48,6 +49,9 @@ def frames(address, stop):
 
 def numbers(address, stop):
     yield 1
+
+def leave(address, stop):
+    raise SystemExit("no licence")
 
 def texts(address, stop):
     yield "one.jpg", "data"
@@ -123,6 +127,7 @@ def test_a_source_that_breaks_does_not_end_the_flight(installed: Path, pictures:
         ("no-function", "cannot be used: example_extension:EXAMPLE_NUMBER is no function"),
         ("no-pair", "has failed (TypeError"),
         ("no-bytes", "has failed (TypeError: expected name and bytes, got str and str)"),
+        ("exits", "has failed (SystemExit: no licence)"),
         ("example-folder:/nowhere/at/all", "has failed (FileNotFoundError"),
     ],
 )

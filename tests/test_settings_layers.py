@@ -80,7 +80,8 @@ def test_a_variable_of_the_environment_sets_any_setting(
         ("STITCH__SEARCH__NEIGHBORS", "8", "(did you mean 'neighbours'?)"),
         ("NEIGHBOURS", "8", "names no setting"),
         ("FINISH_S__MORE", "8", "names no setting;"),
-        ("ORIGINS", "{}", "names no setting"),
+        ("ORIGIN", "{}", "names no setting (did you mean 'originals'?)"),
+        ("ORIGINS", "{}", "names no setting (did you mean 'originals'?)"),
         ("SCALE", "0.3", "GCS_MOSAIC_SCALE: scale: expected 1, 0.5 or 0.25, got 0.3"),
         ("METHOD", "best", "GCS_MOSAIC_METHOD: expected one of"),
         ("FINISH_S", "[" * 10_000, "GCS_MOSAIC_FINISH_S: expected a number, got '[["),
@@ -97,6 +98,15 @@ def test_a_variable_that_cannot_be_used_is_named_in_a_sentence(
     assert said in str(error.value)
     assert len(str(error.value)) < 1000
     assert "GCS_MOSAIC_" in str(error.value)
+
+
+def test_a_refused_setting_tells_no_password(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own.write_text("rtsp: [rtsp://user:secret@camera/main]")
+    assert main(["stitch", "."]) == 2
+    told = capsys.readouterr().err
+    assert "rtsp: expected text, got" in told
+    assert "camera" in told
+    assert "secret" not in told
 
 
 def test_variables_may_belong_together(monkeypatch: pytest.MonkeyPatch) -> None:

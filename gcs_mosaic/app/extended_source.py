@@ -36,7 +36,7 @@ def extension_frames(told: str, known: dict[str, str | None], stop: threading.Ev
         yield Notice(source="frames", level="info", text=f"the frame source {name!r} has no more frames")
     except UsageError as error:
         yield Notice(source="frames", level="error", text=f"{error}; the flight goes on without it")
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # the second would end this thread without a word
         logger.exception("the frame source %s has failed", name)
         text = trouble("frame_sources", name, "has failed", error)
         yield Notice(source="frames", level="error", text=f"{text}; the flight goes on without it")

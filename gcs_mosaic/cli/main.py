@@ -23,6 +23,7 @@ from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, serve_setti
 from gcs_mosaic.cli.streams import flush_or_let_go
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.log import without_passwords
 from gcs_mosaic.store.permissions import restrict
 
 SIMULATOR = "gcs_mosaic.sitl.__main__"  # by its name: it imports nothing of the program, nor the program of it
@@ -36,19 +37,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with telling_of_foreign(given) if given.command in OF_A_FLIGHT else nullcontext():
             return (COMMANDS[given.command] if given.command else fly)(given) or 0
     except UsageError as error:
-        print(f"gcs-mosaic: {error}", file=sys.stderr)
-        return 2
+        return _say(error, 2)
     except (CannotWrite, FlightFailed) as error:
-        print(f"gcs-mosaic: {error}", file=sys.stderr)
-        return 1
+        return _say(error, 1)
     except NothingPlaced as error:
-        print(f"gcs-mosaic: {error}", file=sys.stderr)
-        return 3
+        return _say(error, 3)
     except KeyboardInterrupt:
         print("gcs-mosaic: interrupted", file=sys.stderr)
         return 130
     finally:
         flush_or_let_go()
+
+
+def _say(error: Exception, code: int) -> int:
+    """On the terminal, or in a service's journal. A setting that is refused may have a password in it."""
+    print(f"gcs-mosaic: {without_passwords(str(error))}", file=sys.stderr)
+    return code
 
 
 def fly(given: argparse.Namespace) -> None:

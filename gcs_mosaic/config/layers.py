@@ -100,8 +100,10 @@ def _variables(kind: type, environment: Mapping[str, str], *, only: bool) -> Ite
 def _kind_at(kind: Any, path: list[str], variable: str) -> Any:
     """The type of the setting at a path. Raises UsageError."""
     for name in path:
-        if name not in fields_of(kind):
-            meant = nearest(name, typing.get_type_hints(kind)) if fields_of(kind) else ""
+        known = fields_of(kind)
+        if name not in known:
+            hints = typing.get_type_hints(kind) if known else {}
+            meant = nearest(name, {one: hints[one] for one in known}) if known else ""
             raise UsageError(
                 f"{shown(variable)} in the environment names no setting{meant}; a setting within another is "
                 f"{PREFIX}STITCH{WITHIN}SEARCH{WITHIN}NEIGHBOURS, and gcs-mosaic config shows all."

@@ -12,6 +12,7 @@ import threading
 import time
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
+from types import MethodType
 
 import pytest
 
@@ -137,7 +138,12 @@ def test_the_last_words_of_one_that_breaks_are_in_the_log(caplog: pytest.LogCapt
 def test_nothing_is_left_of_one_that_could_not_begin(given: object, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is tried again and again, on a machine that is at its limits already."""
     kept, begun = set[int](), list[int]()
-    monkeypatch.setattr(atexit, "register", lambda kill: begun.append(kill.__self__.pid) or kept.add(begun[-1]))
+
+    def keep(kill: MethodType) -> None:
+        begun.append(kill.__self__.pid)
+        kept.add(begun[-1])
+
+    monkeypatch.setattr(atexit, "register", keep)
     monkeypatch.setattr(atexit, "unregister", lambda kill: kept.discard(kill.__self__.pid))
     if given == "no thread":
         monkeypatch.setattr(threading.Thread, "start", no_more_threads)
