@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from functools import cache, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -195,21 +195,19 @@ class Assembly:
             self._found_island(frame)
             return [frame]
         links = self._search.first_links(frame, self._graph.last_placed, compared)
+        among_waiting = cache(partial(self._evidence_among_waiting, frame))
         for other, registration in links:
-            if self._is_outdone(frame, registration):
+            if among_waiting() > OUTDONE * registration.evidence:  # a look-alike: both find the right island together
                 break
             if self._place_beside(frame, other, registration):
                 return [frame]
         return self._found_with_waiting(frame)
 
-    def _is_outdone(self, frame: int, registration: Registration) -> bool:
-        """Whether a waiting frame shows much more of the same than the placed one: that one may be a look-alike, and both
-        frames find the right island together."""
-        for other in self._search.likeliest(frame, list(self._graph.waiting), OUTDONE_TRIES):
-            beside = self._search.register(frame, other)
-            if beside is not None and beside.evidence > OUTDONE * registration.evidence:
-                return True
-        return False
+    def _evidence_among_waiting(self, frame: int) -> float:
+        """The most that a frame shows of the same as a waiting one."""
+        likeliest = self._search.likeliest(frame, list(self._graph.waiting), OUTDONE_TRIES)
+        found = [self._search.register(frame, other) for other in likeliest]
+        return max((one.evidence for one in found if one is not None), default=0.0)
 
     def _found_island(self, frame: int) -> None:
         """The frame is placed level and at its own resolution on a new canvas."""
