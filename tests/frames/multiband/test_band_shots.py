@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import random
+import threading
 import time
 from collections.abc import Iterable, Sequence
 from datetime import datetime
@@ -16,11 +18,12 @@ import tifffile
 from numpy.typing import NDArray
 
 from gcs_mosaic.frames.decode import load_frame
-from gcs_mosaic.frames.directory import FolderWatch, Item, Taken
+from gcs_mosaic.frames.directory import FolderWatch, Item, Taken, watch
 from gcs_mosaic.frames.files import frames_in
+from gcs_mosaic.frames.multiband import composition
 from gcs_mosaic.frames.multiband.shots import LONGEST_S, MISSING_S, QUIET_S
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, Topic
 from gcs_mosaic.stitch.arrays import Bands
 from tests.frames.multiband.band_files import BANDS, HEIGHT, WIDTH, cut, file_of, place_of, seen, tiff_of
 
@@ -266,6 +269,51 @@ def test_a_single_shot_at_take_off_does_not_decide(tmp_path: Path, shots: list[F
         watched.bring(files, 0.1)
     watched.wait(QUIET_S + 2.0)
     assert [pixels(frame).shape[2] for frame in watched.frames] == [1, 5, 5, 5, 5]
+
+
+def test_shots_that_wait_when_the_flight_ends_are_mapped_by_one_band(tmp_path: Path, shots: list[Files]) -> None:
+    folder, stop, items = write(tmp_path / "live", shots[:2]), threading.Event(), list[Item]()
+    for item in watch(folder, stop, FolderSettings(poll_s=0.01)):
+        items.append(item)
+        if isinstance(item, Notice) and item.topic is Topic.FIRST_LOOK:
+            stop.set()
+    found = [item for item in items if isinstance(item, Frame)]
+    assert {frame.name: pixels(frame).shape[2] for frame in found} == {file_of(k, 2): 1 for k in range(2)}
+
+
+def test_no_shot_is_lost_when_the_flight_ends_as_something_is_said(
+    tmp_path: Path, shots: list[Files], water: list[Files]
+) -> None:
+    """Of water, that no bands are put together; later, that a shot lacks one of its bands."""
+    watched = Watched(tmp_path / "water")
+    for files in water[:3]:
+        watched.bring(files, 0.1)
+    assert names([*ending_at_a_notice(watched, LONGEST_S), *watched.watch.rest()]) == [file_of(k, 2) for k in range(3)]
+    watched = Watched(tmp_path / "lacking")
+    for files in shots[:4]:
+        watched.bring(files, 0.1)
+    watched.wait(QUIET_S + 1.0)
+    watched.bring({file_of(4, 2): shots[4][file_of(4, 2)]}, 0.3)
+    assert names([*ending_at_a_notice(watched, MISSING_S), *watched.watch.rest()]) == [file_of(4, 2)]
+
+
+def ending_at_a_notice(watched: Watched, later_s: float) -> list[Frame]:
+    """Frames that come before the first notice, so many seconds later."""
+    before = itertools.takewhile(
+        lambda item: not isinstance(item, Notice), watched.watch.poll(watched.now + later_s + 1.0)
+    )
+    return [item for item in before if isinstance(item, Frame)]
+
+
+def test_what_fails_for_a_shot_costs_its_bands_alone(
+    tmp_path: Path, shots: list[Files], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> bytes:
+        raise MemoryError
+
+    monkeypatch.setattr(composition, "as_tiff", fails)
+    found = frames_in(write(tmp_path / "given", shots)).frames
+    assert {frame.name: pixels(frame).shape[2] for frame in found} == {file_of(k, 2): 1 for k in range(SHOTS)}
 
 
 def test_a_reference_that_is_tagged_later_is_no_frame_of_its_own(tmp_path: Path, shots: list[Files]) -> None:
