@@ -181,8 +181,9 @@ class FolderWatch:
             yield from self._of_videos(self._videos, found, now)
         yield from self._report(found, now)
 
-    def rest(self) -> Iterator[Frame]:
-        """Shots that wait for their other bands, as one band, for no more are looked for."""
+    def rest(self) -> Iterator[Item]:
+        """What waits for other files of its shot, as no more are sought; of bands the reference alone: registering takes time."""
+        yield from self._cameras.all_held()
         if self._shots is not None:
             yield from self._shots.rest()
 

@@ -288,21 +288,27 @@ def test_no_shot_is_lost_when_the_flight_ends_as_something_is_said(
     watched = Watched(tmp_path / "water")
     for files in water[:3]:
         watched.bring(files, 0.1)
-    assert names([*ending_at_a_notice(watched, LONGEST_S), *watched.watch.rest()]) == [file_of(k, 2) for k in range(3)]
+    assert names(ending_at_a_notice(watched, LONGEST_S)) == [file_of(k, 2) for k in range(3)]
     watched = Watched(tmp_path / "lacking")
     for files in shots[:4]:
         watched.bring(files, 0.1)
     watched.wait(QUIET_S + 1.0)
     watched.bring({file_of(4, 2): shots[4][file_of(4, 2)]}, 0.3)
-    assert names([*ending_at_a_notice(watched, MISSING_S), *watched.watch.rest()]) == [file_of(4, 2)]
+    assert names(ending_at_a_notice(watched, MISSING_S)) == [file_of(4, 2)]
+
+
+def test_a_first_file_that_waits_for_others_when_the_flight_ends_is_mapped(tmp_path: Path, shots: list[Files]) -> None:
+    watched = Watched(tmp_path / "live")
+    watched.bring({file_of(0, 2): shots[0][file_of(0, 2)]}, 0.3)
+    assert watched.frames == []
+    assert [item.name for item in watched.watch.rest() if isinstance(item, Frame)] == [file_of(0, 2)]
 
 
 def ending_at_a_notice(watched: Watched, later_s: float) -> list[Frame]:
-    """Frames that come before the first notice, so many seconds later."""
-    before = itertools.takewhile(
-        lambda item: not isinstance(item, Notice), watched.watch.poll(watched.now + later_s + 1.0)
-    )
-    return [item for item in before if isinstance(item, Frame)]
+    """Frames of a look so many seconds later that is ended by the first notice, and of what waits then."""
+    looked = watched.watch.poll(watched.now + later_s + 1.0)
+    before = list(itertools.takewhile(lambda item: not isinstance(item, Notice), looked))
+    return [item for item in (*before, *watched.watch.rest()) if isinstance(item, Frame)]
 
 
 def test_what_fails_for_a_shot_costs_its_bands_alone(
