@@ -17,6 +17,8 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
+from gcs_mosaic.app.given import given_frames
+from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import load_frame
 from gcs_mosaic.frames.directory import FolderWatch, Item, Taken, watch
 from gcs_mosaic.frames.files import frames_in
@@ -259,6 +261,15 @@ def test_what_was_taken_is_not_put_together_again(tmp_path: Path, shots: list[Fi
         again.bring(files, 0.1)
     again.wait(LONGEST_S + 1.0)
     assert {frame.name: pixels(frame).shape[2] for frame in again.frames} == {file_of(k, 2): 5 for k in (3, 4)}
+
+
+def test_a_shot_that_a_flight_has_by_one_band_is_not_taken_again(tmp_path: Path, shots: list[Files]) -> None:
+    """As after a live flight that ended before its bands were there; pictures of another time are others."""
+    folder = write(tmp_path / "given", shots)
+    known = {file_of(k, 2): "of one band" for k in range(SHOTS)}
+    times: dict[str, float | None] = {file_of(k, 2): 1_800_000_000.0 + k for k in range(1, SHOTS)}
+    found = given_frames([folder], Config(), known, times | {file_of(0, 2): 1_700_000_000.0}).items()
+    assert [item.name for item in found if isinstance(item, Frame)] == [f"{file_of(0, 2)}#2"]
 
 
 def test_a_single_shot_at_take_off_does_not_decide(tmp_path: Path, shots: list[Files]) -> None:
