@@ -60,11 +60,11 @@ def stitch(
     # As a flight whose frames come from these files: no live flight goes on with it by itself.
     its_own = replace(config, out=str(out), watch=", ".join(map(str, sources)), rtsp=None, sources=())
     with ExitStack() as stack:
-        known, opened = dict[str, str](), None
+        known, times, opened = dict[str, str](), dict[str, float | None](), None
         if resume:
             opened = stack.enter_context(closing(open_stitch(its_own)))
-            known = _known(opened.folder.path)
-        given = given_frames(sources, config, known)
+            known, times = _known(opened.folder.path)
+        given = given_frames(sources, config, known, times)
         pictures = _debug_pictures(debug) if debug else None
         if opened is None:
             opened = stack.enter_context(closing(begin_stitch(its_own)))
@@ -84,10 +84,12 @@ def stitch(
     return folder.path
 
 
-def _known(flight: Path) -> dict[str, str]:
-    """Content hashes of the frames that a flight has already, by name."""
+def _known(flight: Path) -> tuple[dict[str, str], dict[str, float | None]]:
+    """Content hashes and modification times of the frames that a flight has already, by name."""
     with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:
-        return {frame.name: frame.content_hash for frame in ledger.frames() if frame.content_hash is not None}
+        frames = ledger.frames()
+    known = {frame.name: frame.content_hash for frame in frames if frame.content_hash is not None}
+    return known, {frame.name: frame.modified for frame in frames}
 
 
 def _pipeline(

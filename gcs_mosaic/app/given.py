@@ -18,11 +18,13 @@ from gcs_mosaic.messages import DamagedFile, Frame, Notice
 
 @dataclass(frozen=True, slots=True)
 class GivenFrames:
-    """Images first, then videos. `known`: content hashes of the frames that the flight has already, by name."""
+    """Images first, then videos. `known`, `times`: content hashes and modification times of the frames that the flight has
+    already, by name."""
 
     images: Given | None
     videos: GivenVideos
     known: Mapping[str, str]
+    times: Mapping[str, float | None]
 
     @property
     def order(self) -> str:
@@ -69,14 +71,21 @@ class GivenFrames:
             return None
         for version in count(1):
             name = versioned(item.name, version)
-            if self.known.get(name) == item.content_hash:
+            if self.known.get(name) == item.content_hash or self._is_of_known_bands(item, name):
                 return None
             if name not in self.known:
                 return replace(item, name=name)
         return None
 
+    def _is_of_known_bands(self, frame: Frame, name: str) -> bool:
+        """Whether the flight has the shot by this name: alone or registered otherwise, its bands are other bytes."""
+        is_of_bands = self.images is not None and frame.name in self.images.of_bands
+        return is_of_bands and self.times.get(name) == frame.modified
 
-def given_frames(sources: Sequence[Path], config: Config, known: Mapping[str, str]) -> GivenFrames:
+
+def given_frames(
+    sources: Sequence[Path], config: Config, known: Mapping[str, str], times: Mapping[str, float | None]
+) -> GivenFrames:
     """Raises UsageError for what does not exist, for a folder without images, and where no video is one."""
     paths, looks = apart(sources)
     images = frames_in(paths, config.frames) if paths else None
@@ -86,4 +95,4 @@ def given_frames(sources: Sequence[Path], config: Config, known: Mapping[str, st
     if images is None and not videos.readings:
         more = f" (and {len(looks) - 1} more)" if len(looks) > 1 else ""
         raise UsageError(f"{videos.passed_over[0].replace(' is passed over', '', 1)}{more}.")
-    return GivenFrames(images, videos, known)
+    return GivenFrames(images, videos, known, times)

@@ -34,7 +34,7 @@ ROOM = 10_000  # items; a full inbox blocks the sources, and network input is th
 PICTURES = 64  # of a live stream, in memory while the disk is full: 0.1 GB of 4K
 FILES = 8  # in memory, to save reading them again
 PUT_S = 0.2  # longest wait for space between checks of `stop`
-STOP_S = 5.0  # for a source to end
+STOP_S = 5.0  # for all sources to end
 
 
 def record(config: Config, recording: Recording, out: Path) -> Notice | None:
@@ -138,8 +138,9 @@ class Inbox:
 
     def join(self) -> None:
         """Wait for the sources to end, which they do once `stop` is set; one that hangs is abandoned."""
+        until = time.monotonic() + STOP_S
         for thread in self._threads:
-            thread.join(STOP_S)
+            thread.join(max(0.0, until - time.monotonic()))
 
     def _pump(self, source: ItemSource) -> None:
         try:
@@ -155,10 +156,11 @@ class Inbox:
             item = self._within_memory(item)
         came = time.monotonic()
         while True:  # once more after `stop`: a link that ends tells which triggers it still held back
+            is_last = self._stop.is_set()  # then nobody takes anything, so that waiting for space is in vain
             with suppress(queue.Full):
-                self._items.put((came, item), timeout=PUT_S)
+                self._items.put((came, item), timeout=0.0 if is_last else PUT_S)
                 return
-            if self._stop.is_set():
+            if is_last:
                 return
 
     def _within_memory(self, frame: Frame) -> Frame | DroppedFrame:

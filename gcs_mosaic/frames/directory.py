@@ -96,12 +96,13 @@ def _polling(watched: FolderWatch, stop: threading.Event) -> Iterator[Item]:
             for item in watched.poll(time.monotonic()):
                 yield item
                 if stop.is_set():
-                    return
+                    break
         except Exception as error:
             logger.exception("a look at the watched folder has failed")
             yield from watched.failed(error)
             stop.wait(AGAIN_AFTER_FAILURE_S)
         stop.wait(watched.look_again_s)
+    yield from watched.rest()
 
 
 def _make_folder(folder: Path) -> list[Item]:
@@ -179,6 +180,12 @@ class FolderWatch:
         if self._videos is not None:
             yield from self._of_videos(self._videos, found, now)
         yield from self._report(found, now)
+
+    def rest(self) -> Iterator[Item]:
+        """What waits for other files of its shot, as no more are sought; of bands the reference alone: registering takes time."""
+        yield from self._cameras.all_held()
+        if self._shots is not None:
+            yield from self._shots.rest()
 
     def close(self) -> str:
         """End; returns what to say of what is not read to its end."""

@@ -31,7 +31,8 @@ class Given:
     """A number of files, each yielded as a frame or as a DamagedFile with the reason, read on demand.
 
     As text for the operator: `order`, how they are sorted; `passed_over`, what could not be inspected. `notes`: further
-    remarks for the log. `said`: what has shown since, while frames were read; to be taken out.
+    remarks for the log. `said`: what has shown since, while frames were read; to be taken out. `of_bands`: names of the frames
+    that may be made of several files.
     """
 
     count: int
@@ -40,6 +41,7 @@ class Given:
     passed_over: tuple[str, ...]
     notes: tuple[str, ...]
     said: deque[Notice] = field(default_factory=deque)
+    of_bands: frozenset[str] = frozenset()
 
 
 def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = None) -> Given:
@@ -54,7 +56,8 @@ def frames_in(paths: Path | Iterable[Path], settings: FolderSettings | None = No
     found = files_in([paths] if isinstance(paths, Path) else list(paths), settings.cameras, together=together)
     said = deque[Notice]()
     frames = _frames_of_bands(found, settings, said) if found.bands else _frames(found.looks, settings)
-    return Given(len(found.looks), frames, found.order, found.passed_over, found.notes, said)
+    of_bands = frozenset(look.name for look in found.looks if look.path in found.bands)
+    return Given(len(found.looks), frames, found.order, found.passed_over, found.notes, said, of_bands)
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,7 +79,7 @@ class _Link:
             yield greeting
             while not stop.is_set() and not self.channel.ended:
                 yield from self._listen_whatever_comes(stop, poll_s)
-            if not self.channel.ended:  # what came before the end, and is still in the kernel
+            if self.channel.working and not self.channel.ended:  # what came before the end, and is still in the kernel
                 yield from self._listen_whatever_comes(stop, 0.0)
             yield from self.listener.farewell(time.monotonic())
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+
+import pytest
 
 from gcs_mosaic.app.inbox import FILES, PICTURES, Inbox
 from gcs_mosaic.app.links import ItemSource
@@ -82,3 +85,38 @@ def test_what_a_source_tells_as_it_ends_is_taken() -> None:
     inbox.fill([ItemSource(iter([picture(0, None)]), FAILED)])
     inbox.join()
     assert inbox.next(0.0) == picture(0, None)
+
+
+def test_a_flood_does_not_delay_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody takes anything any more then."""
+    monkeypatch.setattr("gcs_mosaic.app.inbox.ROOM", 2)
+    stop, ended = threading.Event(), threading.Event()
+
+    def flood() -> Iterator[Frame]:
+        yield from (picture(number, None) for number in range(100))
+        ended.set()
+
+    inbox = Inbox(stop)
+    stop.set()
+    inbox.fill([ItemSource(flood(), FAILED)])
+    inbox.join()
+    assert ended.is_set()
+    assert len(inbox) == 2
+
+
+def test_sources_that_hang_are_waited_for_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gcs_mosaic.app.inbox.STOP_S", 0.3)
+    stop, done = threading.Event(), threading.Event()
+
+    def hanging() -> Iterator[Frame]:
+        done.wait(30.0)
+        yield from ()
+
+    inbox = Inbox(stop)
+    stop.set()
+    inbox.fill([ItemSource(hanging(), FAILED) for _ in range(10)])
+    began = time.monotonic()
+    inbox.join()
+    took_s = time.monotonic() - began
+    done.set()
+    assert took_s < 1.5

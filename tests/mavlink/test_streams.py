@@ -184,3 +184,22 @@ def test_a_client_that_says_nothing_gives_its_place_to_another(
             said(heard, "another calls")
             other.sendall(packet(trigger(7)))
             assert sequence(heard) == 7
+
+
+def test_what_cannot_be_opened_is_not_tried_once_more_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call that nobody answers takes seconds."""
+    calls = list[object]()
+
+    def unanswered(*_: object, **__: object) -> socket.socket:
+        calls.append(None)
+        raise TimeoutError("timed out")
+
+    monkeypatch.setattr(socket, "create_connection", unanswered)
+    stop = threading.Event()
+    settings = LinkSettings(decide_after_s=0, poll_s=0.0, reconnect_first_s=0.0, reconnect_longest_s=0.0)
+    heard = triggers(parse_address("tcp:127.0.0.1:9"), stop, settings)
+    said(heard, "cannot be opened")
+    before = len(calls)
+    stop.set()
+    list(heard)
+    assert len(calls) == before

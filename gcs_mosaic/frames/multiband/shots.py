@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from gcs_mosaic.frames.pending_file import file_and_version
 from gcs_mosaic.frames.picture_hash import picture_hash
@@ -42,6 +42,8 @@ ONE_SHOT_S = 3.0  # between the capture times of its files
 HELD_DATA = 8  # reference bands whose bytes are held, too
 MOST_SAMPLES = 150_000_000  # of a frame: ten bands of 12 megapixels are 120 million
 MOST_REMEMBERED = 20_000
+
+T = TypeVar("T")
 
 _State = Literal["learning", "together", "apart"]
 
@@ -121,6 +123,13 @@ class BandShots:
         if self._state == "learning":
             yield from self._learn(0.0, is_last=True)
 
+    def rest(self) -> Iterator[Frame]:
+        """The reference bands of all that waits, as there is no time to wait any longer."""
+        for name, shot in list(self._shots.items()):
+            del self._shots[name]
+            if shot.reference:
+                yield shot.files[shot.reference]
+
     def counted(self, cameras: Sequence[CameraCount]) -> tuple[CameraCount, ...]:
         """The same cameras; those whose bands are in the frames are mapped, or will be, for all that is known so far."""
         waiting = {camera for shot in self._shots.values() if shot.reference for camera in shot.files}
@@ -183,14 +192,14 @@ class BandShots:
     def _learn_of(self, shot: _Shot) -> None:
         shot.learned = True
         self._tried += 1
-        images = self._pixels(shot, list(shot.files))
+        images = self._attempt(lambda: self._pixels(shot, list(shot.files)))
         if images is None or len(images) < 2:
             return
         reference = images[shot.reference]
         if self._composer is None or self._composer.reference != shot.reference or self._kinds != _kind(reference):
             self._begin_anew(shot.reference, reference)
-        if self._composer is not None:
-            self._attempt(lambda composer: composer.learn(images))
+        if (composer := self._composer) is not None:
+            self._attempt(lambda: composer.learn(images))
 
     def _begin_anew(self, reference: str, image: Any) -> None:
         from gcs_mosaic.frames.multiband.composition import Composer  # loads what most flights do not need
@@ -223,10 +232,9 @@ class BandShots:
         if len(found) < 2:
             self._state = "apart"
             tried = sum(shot.learned for _, shot in held)
-            self._shots.clear()
             if any(len(shot.files) > 1 for _, shot in held):
                 yield _notice("warning", self._apart_in_words(tried))
-            yield from (shot.files[shot.reference] for _, shot in held if shot.reference)
+            yield from self.rest()
             return
         self._state, self._bands = "together", tuple(found)
         for camera in sorted(self._usual() - set(found), key=_band_order):
@@ -240,21 +248,25 @@ class BandShots:
 
     def _finish(self, name: str, now: float) -> Iterator[Item]:
         """One frame of it, of several bands if that can be; nothing yet if one is being written again."""
-        shot, self._is_passing = self._shots.pop(name), False
+        shot, self._is_passing = self._shots[name], False
         reference = shot.files[shot.reference]
         lacking = [camera for camera in self._bands if camera not in shot.files]
-        made, why = (None, f"{_words(lacking)} has not come") if lacking else self._composed(shot)
+        made, why = (None, f"{_words(lacking)} has not come") if lacking else self._made(shot)
         if made is None and self._is_passing and not shot.is_whole and now < shot.newest + MISSING_S:
-            self._shots[name] = shot
             return
         if made is None:
             yield from self._say_alone(reference, why)
         elif len(self._done) < MOST_REMEMBERED:
             self._done[file_and_version(reference.name)[0]] = reference.picture
+        del self._shots[name]  # not before: who listens may have stopped, and then takes the rest
         yield made or reference
 
+    def _made(self, shot: _Shot) -> tuple[Frame | None, str]:
+        return self._attempt(lambda: self._composed(shot)) or (None, "that failed, the log tells why")
+
     def _composed(self, shot: _Shot) -> tuple[Frame | None, str]:
-        if self._composer is None or shot.reference != self._composer.reference:
+        composer = self._composer
+        if composer is None or shot.reference != composer.reference:
             return None, "it is of another camera than the first"
         images = self._pixels(shot, self._bands)
         if images is None or _kind(images[shot.reference]) != self._kinds:
@@ -262,15 +274,15 @@ class BandShots:
         if lacking := [camera for camera in self._bands if camera not in images]:
             return None, f"{_words(lacking)} cannot be read, or has another size, or was taken at another time"
         ordered = {camera: images[camera] for camera in self._bands}
-        image = self._attempt(lambda composer: composer.composed(ordered, learned=shot.learned))
+        image = composer.composed(ordered, learned=shot.learned)
         if image is None:
             return None, "its bands do not lie on each other"
         return _frame_of(shot, image, self._bands), ""
 
-    def _attempt(self, make: Callable[[Composer], Any]) -> Any:
+    def _attempt(self, make: Callable[[], T]) -> T | None:
         """What fails for one shot, for lack of memory for instance, costs its bands alone."""
         try:
-            return None if self._composer is None else make(self._composer)
+            return make()
         except Exception:
             logger.exception("the bands of a shot could not be put together")
             return None

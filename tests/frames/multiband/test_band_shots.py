@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import random
+import threading
 import time
 from collections.abc import Iterable, Sequence
 from datetime import datetime
@@ -15,12 +17,15 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
+from gcs_mosaic.app.given import given_frames
+from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import load_frame
-from gcs_mosaic.frames.directory import FolderWatch, Item, Taken
+from gcs_mosaic.frames.directory import FolderWatch, Item, Taken, watch
 from gcs_mosaic.frames.files import frames_in
+from gcs_mosaic.frames.multiband import composition
 from gcs_mosaic.frames.multiband.shots import LONGEST_S, MISSING_S, QUIET_S
 from gcs_mosaic.frames.settings import FolderSettings
-from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile
+from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, Topic
 from gcs_mosaic.stitch.arrays import Bands
 from tests.frames.multiband.band_files import BANDS, HEIGHT, WIDTH, cut, file_of, place_of, seen, tiff_of
 
@@ -258,6 +263,15 @@ def test_what_was_taken_is_not_put_together_again(tmp_path: Path, shots: list[Fi
     assert {frame.name: pixels(frame).shape[2] for frame in again.frames} == {file_of(k, 2): 5 for k in (3, 4)}
 
 
+def test_a_shot_that_a_flight_has_by_one_band_is_not_taken_again(tmp_path: Path, shots: list[Files]) -> None:
+    """As after a live flight that ended before its bands were there; pictures of another time are others."""
+    folder = write(tmp_path / "given", shots)
+    known = {file_of(k, 2): "of one band" for k in range(SHOTS)}
+    times: dict[str, float | None] = {file_of(k, 2): 1_800_000_000.0 + k for k in range(1, SHOTS)}
+    found = given_frames([folder], Config(), known, times | {file_of(0, 2): 1_700_000_000.0}).items()
+    assert [item.name for item in found if isinstance(item, Frame)] == [f"{file_of(0, 2)}#2"]
+
+
 def test_a_single_shot_at_take_off_does_not_decide(tmp_path: Path, shots: list[Files]) -> None:
     watched = Watched(tmp_path / "live")
     watched.bring(shots[0], 0.1)
@@ -266,6 +280,57 @@ def test_a_single_shot_at_take_off_does_not_decide(tmp_path: Path, shots: list[F
         watched.bring(files, 0.1)
     watched.wait(QUIET_S + 2.0)
     assert [pixels(frame).shape[2] for frame in watched.frames] == [1, 5, 5, 5, 5]
+
+
+def test_shots_that_wait_when_the_flight_ends_are_mapped_by_one_band(tmp_path: Path, shots: list[Files]) -> None:
+    folder, stop, items = write(tmp_path / "live", shots[:2]), threading.Event(), list[Item]()
+    for item in watch(folder, stop, FolderSettings(poll_s=0.01)):
+        items.append(item)
+        if isinstance(item, Notice) and item.topic is Topic.FIRST_LOOK:
+            stop.set()
+    found = [item for item in items if isinstance(item, Frame)]
+    assert {frame.name: pixels(frame).shape[2] for frame in found} == {file_of(k, 2): 1 for k in range(2)}
+
+
+def test_no_shot_is_lost_when_the_flight_ends_as_something_is_said(
+    tmp_path: Path, shots: list[Files], water: list[Files]
+) -> None:
+    """Of water, that no bands are put together; later, that a shot lacks one of its bands."""
+    watched = Watched(tmp_path / "water")
+    for files in water[:3]:
+        watched.bring(files, 0.1)
+    assert names(ending_at_a_notice(watched, LONGEST_S)) == [file_of(k, 2) for k in range(3)]
+    watched = Watched(tmp_path / "lacking")
+    for files in shots[:4]:
+        watched.bring(files, 0.1)
+    watched.wait(QUIET_S + 1.0)
+    watched.bring({file_of(4, 2): shots[4][file_of(4, 2)]}, 0.3)
+    assert names(ending_at_a_notice(watched, MISSING_S)) == [file_of(4, 2)]
+
+
+def test_a_first_file_that_waits_for_others_when_the_flight_ends_is_mapped(tmp_path: Path, shots: list[Files]) -> None:
+    watched = Watched(tmp_path / "live")
+    watched.bring({file_of(0, 2): shots[0][file_of(0, 2)]}, 0.3)
+    assert watched.frames == []
+    assert [item.name for item in watched.watch.rest() if isinstance(item, Frame)] == [file_of(0, 2)]
+
+
+def ending_at_a_notice(watched: Watched, later_s: float) -> list[Frame]:
+    """Frames of a look so many seconds later that is ended by the first notice, and of what waits then."""
+    looked = watched.watch.poll(watched.now + later_s + 1.0)
+    before = list(itertools.takewhile(lambda item: not isinstance(item, Notice), looked))
+    return [item for item in (*before, *watched.watch.rest()) if isinstance(item, Frame)]
+
+
+def test_what_fails_for_a_shot_costs_its_bands_alone(
+    tmp_path: Path, shots: list[Files], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> bytes:
+        raise MemoryError
+
+    monkeypatch.setattr(composition, "as_tiff", fails)
+    found = frames_in(write(tmp_path / "given", shots)).frames
+    assert {frame.name: pixels(frame).shape[2] for frame in found} == {file_of(k, 2): 1 for k in range(SHOTS)}
 
 
 def test_a_reference_that_is_tagged_later_is_no_frame_of_its_own(tmp_path: Path, shots: list[Files]) -> None:
