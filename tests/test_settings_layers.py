@@ -100,6 +100,14 @@ def test_a_variable_that_cannot_be_used_is_named_in_a_sentence(
     assert "GCS_MOSAIC_" in str(error.value)
 
 
+@pytest.mark.parametrize("variable", ["PORT", "PORT_8470_TCP_ADDR", "SERVICE_HOST", "SERVICE_PORT_HTTP", "ENV_TZ"])
+def test_what_containers_are_told_of_a_service_of_this_name_is_no_setting(
+    variable: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(f"GCS_MOSAIC_{variable}", "tcp://10.0.0.1:8470")
+    assert configured(None) == Config()
+
+
 def test_a_refused_setting_tells_no_password(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own.write_text("rtsp: [rtsp://user:secret@camera/main]")
     assert main(["stitch", "."]) == 2

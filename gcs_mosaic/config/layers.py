@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from gcs_mosaic.errors import UsageError
 
 PREFIX = "GCS_MOSAIC_"  # of the environment's variables: GCS_MOSAIC_STITCH__SEARCH__NEIGHBOURS=8
 WITHIN = "__"
+# Kubernetes, and Docker for its links, tell every container of a service that is called gcs-mosaic by these.
+_OF_A_SERVICE = re.compile(rf"{PREFIX}(PORT(_\d+_.+)?|SERVICE_(HOST|PORT)(_.+)?|NAME|ENV_.+)")
 
 S = TypeVar("S")
 
@@ -89,7 +92,7 @@ def names_in(kind: Any, values: Mapping[str, Any], before: str = "") -> Iterator
 def _variables(kind: type, environment: Mapping[str, str], *, only: bool) -> Iterator[tuple[str, list[str], Any]]:
     """Name, path and value of each variable that sets something; an empty one sets nothing. Raises UsageError."""
     for variable in sorted(environment):
-        if not variable.startswith(PREFIX) or not environment[variable]:
+        if not variable.startswith(PREFIX) or not environment[variable] or _OF_A_SERVICE.fullmatch(variable):
             continue
         path = variable[len(PREFIX) :].lower().split(WITHIN)
         if only and path[0] not in fields_of(kind):
