@@ -3,8 +3,7 @@
 import os
 import sys
 
-from gcs_mosaic.app.heap import share_heap
-from gcs_mosaic.app.open_files import allow_more_files
+from gcs_mosaic.app.machine import allow_more_files, share_heap
 from gcs_mosaic.cli.streams import open_standard_streams
 
 

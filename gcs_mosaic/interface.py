@@ -31,12 +31,12 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 
-from gcs_mosaic.app.batch import prefetching
-from gcs_mosaic.app.driver import Driver
-from gcs_mosaic.app.event_log import EventLog
-from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.resuming import OpenedFlight, runs_of, told_again
-from gcs_mosaic.app.resuming import open_flight as _open
+from gcs_mosaic.app.commands.batch import prefetching
+from gcs_mosaic.app.inputs.event_log import EventLog
+from gcs_mosaic.app.pipeline.driver import Driver
+from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
+from gcs_mosaic.app.pipeline.resuming import OpenedFlight, runs_of, told_again
+from gcs_mosaic.app.pipeline.resuming import open_flight as _open
 from gcs_mosaic.config.settings_file import from_mapping
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.exif import captured_s

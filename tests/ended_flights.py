@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import closing
 from pathlib import Path
 
-from gcs_mosaic.app.driver import Driver
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import prepare
-from gcs_mosaic.app.resuming import checkpoints_of
+from gcs_mosaic.app.pipeline.driver import Driver
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.pipeline.resuming import checkpoints_of
+from gcs_mosaic.app.waiting.prefetch import prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.files import frames_in
 from gcs_mosaic.messages import Frame

@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.app.prefetch import DecodedFrame, prepare
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, prepare
 from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, prepare
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.render.canvas import Canvas

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.store.folder import LEDGER_NAME

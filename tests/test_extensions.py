@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gcs_mosaic
-from gcs_mosaic.app.extended_source import extension_frames
+from gcs_mosaic.app.inputs.extended_source import extension_frames
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.extensions import load, names

@@ -13,8 +13,8 @@ from faults import Event, Fault, chosen, counted, raising
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 from whole_state import digest
 
-from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame
+from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.canvas import Canvas, CanvasSettings
@@ -111,7 +111,7 @@ def test_the_flight_has_islands_and_frames_that_wait(undisturbed: Undisturbed) -
     assert len(painted) == 8
     assert len(files) > 20
     called = {event[0] for counts in calls for event in counts}
-    assert {"stitch/mapping/islands.py:Bridges.join", "app/painting.py:Painting._paint_other"} <= called
+    assert {"stitch/mapping/islands.py:Bridges.join", "app/pipeline/painting.py:Painting._paint_other"} <= called
 
 
 def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(

@@ -131,6 +131,9 @@ ONLY = {
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
+# Folders inside a room, from the ground up: each may import those before it, but for these pairs.
+FLOORS = {"app": ("machine", "waiting", "pipeline", "inputs", "status", "live", "commands")}
+APART = {("commands", "live")}
 FRONT_DOOR = {"__init__", "__main__", "errors", "extensions", "interface", "messages", "outside", "sitl"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
@@ -167,6 +170,21 @@ def test_a_room_imports_only_what_lies_below_it(path: Path) -> None:
             assert only is None or set(there) & only
 
 
+@pytest.mark.parametrize("within", FLOORS)
+def test_a_folder_inside_a_room_imports_only_those_below_it(within: str) -> None:
+    floors = FLOORS[within]
+    assert set(floors) == {path.stem for path in (PACKAGE / within).iterdir() if not path.stem.startswith("__")}
+    for path in MODULES:
+        here = parts_of(path)
+        if here[0] != within or len(here) == 1:
+            continue
+        for name in imports(path):
+            if name.startswith(f"gcs_mosaic.{within}."):
+                there = name.split(".")[2]
+                assert there in floors[: floors.index(here[1]) + 1], f"{path}: {name}"
+                assert (here[1], there) not in APART, f"{path}: {name}"
+
+
 def test_no_two_rooms_need_each_other() -> None:
     assert not [(one, other) for one in ALLOWED for other in ALLOWED[one] if one in ALLOWED[other]]
 
@@ -192,13 +210,13 @@ def test_importing_the_package_loads_neither_the_link_nor_a_server() -> None:
 
 def test_links_are_opened_before_the_stitching_and_a_server_are_loaded() -> None:
     """They take a second or two, in which camera messages would be lost (`tests/benchmarks/start.py` tells how long)."""
-    assert loaded_by("import gcs_mosaic.cli.main, gcs_mosaic.app.links", "scipy", "aiohttp", "tifffile") == "[]"
+    assert loaded_by("import gcs_mosaic.cli.main, gcs_mosaic.app.inputs.links", "scipy", "aiohttp", "tifffile") == "[]"
 
 
 def test_the_page_is_served_without_what_stitches_and_a_flight_loads_no_server() -> None:
     heavy = ("scipy", "rich", "yaml", "pymavlink", "tifffile")
     assert loaded_by("import gcs_mosaic.web.page_process, gcs_mosaic.web.server", *heavy) == "[]"
-    assert loaded_by("import gcs_mosaic.app.live", "aiohttp", "segno") == "[]"
+    assert loaded_by("import gcs_mosaic.app.live.daemon", "aiohttp", "segno") == "[]"
 
 
 def test_what_numpy_reads_when_it_is_loaded_is_set_before() -> None:

@@ -20,7 +20,7 @@ PROJECT = tomllib.loads((fresh.ROOT / "pyproject.toml").read_text(encoding="utf-
 NEEDED_TO_TEST = ("pytest", "pytest-timeout", "hypothesis", "av", "jsonschema")
 # A smoke set: each library where it is used.
 TESTS = (
-    *("test_config.py", "app/test_pipeline.py"),
+    *("test_config.py", "app/pipeline/test_pipeline.py"),
     *(
         "frames/test_decode.py",
         "frames/test_integrity.py",

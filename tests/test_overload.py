@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from gcs_mosaic.app import links as listening
-from gcs_mosaic.app import live as daemon
-from gcs_mosaic.app.inbox import Inbox
-from gcs_mosaic.app.links import Item
-from gcs_mosaic.app.pipeline import Done, Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, UndecodableFrame
-from gcs_mosaic.app.shutdown import Shutdown
-from gcs_mosaic.app.turns import AHEAD
+from gcs_mosaic.app.inputs import links as listening
+from gcs_mosaic.app.inputs.inbox import Inbox
+from gcs_mosaic.app.inputs.links import Item
+from gcs_mosaic.app.live import daemon
+from gcs_mosaic.app.live.shutdown import Shutdown
+from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame
+from gcs_mosaic.app.waiting.turns import AHEAD
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from sitl.flight import plan

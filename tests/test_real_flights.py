@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.geo.pins import Refused

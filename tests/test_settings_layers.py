@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.app.flight_log import flight_log
+from gcs_mosaic.app.status.flight_log import flight_log
 from gcs_mosaic.cli import choices, options
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.layers import user_file

@@ -10,13 +10,13 @@ import pytest
 from rich.console import Console
 from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
-from gcs_mosaic.app import live as daemon
-from gcs_mosaic.app.flight_page import FlightPage
-from gcs_mosaic.app.links import Links
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame
-from gcs_mosaic.app.resuming import OpenedFlight, open_flight
-from gcs_mosaic.app.shutdown import Shutdown
+from gcs_mosaic.app.inputs.links import Links
+from gcs_mosaic.app.live import daemon
+from gcs_mosaic.app.live.flight_page import FlightPage
+from gcs_mosaic.app.live.shutdown import Shutdown
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.pipeline.resuming import OpenedFlight, open_flight
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.video.watched import Room
 from gcs_mosaic.mavlink.flood import Trust

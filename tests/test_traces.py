@@ -15,7 +15,7 @@ BROAD = {"", "Exception", "BaseException", "OSError"}
 SILENT = {
     ("cli/streams.py", "flush_or_let_go"): (1, "the reader of the terminal is gone: nobody is there to be told"),
     ("cli/streams.py", "open_standard_streams"): (1, "it is closed, which is the answer; there is no log yet"),
-    ("app/heap.py", "share_heap"): (1, "another system, which has no such thing"),
+    ("app/machine.py", "share_heap"): (1, "another system, which has no such thing"),
     ("web/maps/underlay.py", "numbers_in"): (1, "a folder that cannot be read has no tiles, which is the answer"),
     ("frames/directory.py", "FolderWatch._is_old"): (1, "gone, or of a name that is only shown so: it counts as old"),
     ("frames/picture_size.py", "picture_size"): (1, "of what cannot be read nothing is known, which is the answer"),
@@ -34,7 +34,7 @@ SILENT = {
     ("store/inside.py", "_is_folder"): (1, "it is gone, which is the answer"),
     ("store/requests.py", "_small_file"): (1, "the reason is returned, and told"),
     ("store/rewritten.py", "RewrittenFiles.remove_outdated"): (1, "gone, or on a disk that is lost: it harms nothing"),
-    ("app/merging.py", "_hold"): (1, "a folder that nobody can write into, so nobody does"),
+    ("app/commands/merging.py", "_hold"): (1, "a folder that nobody can write into, so nobody does"),
     ("store/stages.py", "_tells_core"): (1, "another system, which has no such thing"),
     ("store/folder.py", "FlightFolder.close"): (1, "tidying up; the log is closed already"),
     ("store/checkpoint.py", "Checkpoints._made"): (1, "`_failed` logs it, once for each trouble"),
@@ -77,7 +77,7 @@ SILENT = {
     ("web/page_keeper.py", "PageKeeper._answer"): (1, "the page's process has ended, which is said"),
     ("web/page_keeper.py", "PageKeeper._serve"): (1, "the page's process has ended, which is said"),
     ("web/page_process.py", "serve_page"): (1, "another process: its pipe is closed when the flight has ended"),
-    ("app/status.py", "Reporter._put"): (1, "logged by the handler around it"),
+    ("app/status/reporter.py", "Reporter._put"): (1, "logged by the handler around it"),
     ("frames/decoding/worker.py", "work"): (1, "another process: its pipe is closed when the program ends"),
     ("frames/decoding/worker.py", "_tried"): (
         1,
@@ -85,7 +85,7 @@ SILENT = {
     ),
     ("frames/rtsp/stream_process.py", "receive"): (1, "another process: its pipe is closed when the program ends"),
     ("frames/rtsp/stream_process.py", "_hear"): (1, "another process: its pipe is closed when the program ends"),
-    ("app/heap.py", "give_back"): (1, "another C library, which has no such thing"),
+    ("app/machine.py", "give_back"): (1, "another C library, which has no such thing"),
     ("stitch/bundle/worker.py", "_send"): (1, "the result, waited for, tells that the process has died"),
     ("stitch/bundle/worker.py", "_work"): (1, "another process: its pipe is closed when the program ends"),
     ("stitch/bundle/worker.py", "_tried"): (

@@ -1,14 +1,25 @@
 """Applications: a live flight, a folder of frames, a recorded flight. All of them drive one `pipeline`.
 
+From the ground up, each folder knowing those above it in this list, but that `live` and `commands` know nothing of each other:
+
+| folder | holds |
+|---|---|
+| `waiting/` | frames that wait: in what order, prepared ahead, tried again |
+| `pipeline/` | a frame's way through the program, and the opening of a flight |
+| `inputs/` | links, frame sources, camera events |
+| `status/` | what is told: terminal, status.json, flight.log, ground station, service manager |
+| `live/` | a live flight: `daemon` is its main loop |
+| `commands/` | programs that end by themselves: stitch, replay, merge, pair, benchmark |
+
 May import every package but `cli`; used by `cli` alone. Threads and processes, and what each owns:
 
 | name | started by | owns |
 |---|---|---|
 | main thread | the operating system | the ledger, the mosaic, the canvas, the documents; no other thread writes to them |
-| `link …`, `frames` | `inbox` | one link, or the frame source, whose originals it keeps; one queue leads to the main thread |
+| `link …`, `frames` | `inputs.inbox` | a link, or the frame source, whose originals it keeps; a queue leads to the main thread |
 | process `stream` | `frames.rtsp.keeper`, with a live stream | the camera connection and the ring buffer of newest images |
 | process `video` | `frames.video.reading`, while a recorded video is read | the open video and its newest pictures |
-| `prepare` (pool of 2) | `prefetch` | nothing: has a file's bytes turned into pixels, and those into features |
+| `prepare` (pool of 2) | `waiting.prefetch` | nothing: has a file's bytes turned into pixels, and those into features |
 | process `decode` (2 at most) | `frames.decoding`, when frames are prepared | one file and its picture, until it is sent |
 | `register` (pool of 2) | `stitch.graph.candidates` | nothing: registers one pair of frames per task |
 | `paint` (pool of 2) | `render.canvas` | nothing: cells and pixels of tiles, one task each |

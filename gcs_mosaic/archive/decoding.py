@@ -19,7 +19,7 @@ _waited_s = 0.0  # for processes that decode, by this one
 
 
 def limited(settings: DecodeSettings, max_pixels: int) -> Callable[..., Bands | Unreadable]:
-    """Loads a frame, as `app.prefetch.LoadFrame`."""
+    """Loads a frame, as `app.waiting.prefetch.LoadFrame`."""
 
     def load(frame: Frame, *, reduction: int) -> Bands | Unreadable:
         global _waited_s

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_mosaic.app.prefetch import UndecodableFrame, prepare_or_raise
+from gcs_mosaic.app.waiting.prefetch import UndecodableFrame, prepare_or_raise
 from gcs_mosaic.archive.arrivals import ArchiveFrame, bytes_of_file
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.decoding import limited

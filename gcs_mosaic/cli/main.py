@@ -17,7 +17,7 @@ from types import FrameType
 
 from rich.console import Console
 
-from gcs_mosaic.app.shutdown import Shutdown
+from gcs_mosaic.app.live.shutdown import Shutdown
 from gcs_mosaic.cli.foreign import OF_A_FLIGHT, telling_of_foreign
 from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, serve_settings_of
 from gcs_mosaic.cli.streams import flush_or_let_go
@@ -57,24 +57,24 @@ def _say(error: Exception, code: int) -> int:
 
 def fly(given: argparse.Namespace) -> None:
     """A live flight. Links are opened before any large import; the kernel buffers what arrives meanwhile."""
-    from gcs_mosaic.app.links import listen
+    from gcs_mosaic.app.inputs.links import listen
 
     shutdown = Shutdown(stop=threading.Event(), hurry=threading.Event())
     _end_on_signals(shutdown.stop, shutdown.hurry)
     listening = listening_of(given)
     with ExitStack() as stack:
         links = listen(listening, shutdown.stop, stack)
-        from gcs_mosaic.app import live
+        from gcs_mosaic.app.live import daemon
         from gcs_mosaic.cli.choices import flight_config
 
         config = flight_config(given, listening)
         restrict(config.permissions)
-        live.fly(config, links, Console(stderr=True), shutdown)
+        daemon.fly(config, links, Console(stderr=True), shutdown)
 
 
 def stitch(given: argparse.Namespace) -> None:
     """Stitch a folder of frames, or recorded videos."""
-    from gcs_mosaic.app import batch
+    from gcs_mosaic.app.commands import batch
     from gcs_mosaic.cli.choices import config_of
 
     config = config_of(given)
@@ -85,7 +85,7 @@ def stitch(given: argparse.Namespace) -> None:
 
 def merge(given: argparse.Namespace) -> None:
     """Join finished flights into one map."""
-    from gcs_mosaic.app import merging
+    from gcs_mosaic.app.commands import merging
     from gcs_mosaic.cli.choices import config_of
 
     if given.out is None:
@@ -115,7 +115,7 @@ def reprocess(given: argparse.Namespace) -> None:
 
 def replay(given: argparse.Namespace) -> None:
     """Replay a recorded flight."""
-    from gcs_mosaic.app import replay
+    from gcs_mosaic.app.commands import replay
     from gcs_mosaic.cli.choices import replay_config
 
     config = replay_config(given)
@@ -125,7 +125,7 @@ def replay(given: argparse.Namespace) -> None:
 
 def benchmark(given: argparse.Namespace) -> None:
     """Measure the time per frame on this machine."""
-    from gcs_mosaic.app import benchmark
+    from gcs_mosaic.app.commands import benchmark
     from gcs_mosaic.cli.choices import config_of
 
     benchmark.run(given.frames, config_of(given), Console(), given.most)
@@ -202,7 +202,7 @@ def anchor(given: argparse.Namespace) -> None:
 
 def pair(given: argparse.Namespace) -> None:
     """Show which triggers belong to which pictures, and shift them."""
-    from gcs_mosaic.app.pairing import pair
+    from gcs_mosaic.app.commands.pairing import pair
 
     print(pair(given.flight, given.shift))
 

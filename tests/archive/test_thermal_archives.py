@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.store.folder import LEDGER_NAME

@@ -21,8 +21,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import prepare
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.waiting.prefetch import prepare
 from gcs_mosaic.baseline.mosaic import PaperMosaic
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, load_frame

@@ -65,7 +65,7 @@ class Trials:
     """Flies again and again, each time in a process of its own that begins with everything loaded."""
 
     def __init__(self, scratch: Path, asked: argparse.Namespace) -> None:
-        from gcs_mosaic.app import live  # noqa: F401 -- loaded before the processes part
+        from gcs_mosaic.app.live import daemon  # noqa: F401 -- loaded before the processes part
         from sitl.flight import plan
         from sitl.path import Plan
 
@@ -153,9 +153,9 @@ class OneFlight:
     def fly(self, out: Path) -> tuple[list[str], float]:
         from rich.console import Console
 
-        from gcs_mosaic.app import links as listening
-        from gcs_mosaic.app import live
-        from gcs_mosaic.app.shutdown import Shutdown
+        from gcs_mosaic.app.inputs import links as listening
+        from gcs_mosaic.app.live import daemon as live
+        from gcs_mosaic.app.live.shutdown import Shutdown
         from gcs_mosaic.config.tree import Config
         from tests.ports import free_port
 
@@ -201,7 +201,7 @@ class OneFlight:
 
 def judged(out: Path, folder: Path, count: int) -> list[str]:
     """What is not as it should be."""
-    from gcs_mosaic.app.resuming import LARGE
+    from gcs_mosaic.app.pipeline.resuming import LARGE
     from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
     from gcs_mosaic.store.ledger import Ledger
     from gcs_mosaic.store.originals import is_intact

@@ -14,11 +14,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.app.prefetch import DecodedFrame, prepare
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, prepare
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 
-FINDERS = ("gcs_mosaic.app.prefetch", "gcs_mosaic.frames.decode", "gcs_mosaic.stitch.features.extraction")
+FINDERS = ("gcs_mosaic.app.waiting.prefetch", "gcs_mosaic.frames.decode", "gcs_mosaic.stitch.features.extraction")
 
 
 class FeatureFinder:

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 from rich.console import Console
 
-from gcs_mosaic.app import batch
+from gcs_mosaic.app.commands import batch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.frames.directory import frames_in

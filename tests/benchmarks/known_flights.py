@@ -21,7 +21,7 @@ import numpy as np
 
 import sitl.score
 import sitl.truth
-from gcs_mosaic.app.prefetch import DecodedFrame, prepare
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, prepare
 from gcs_mosaic.export.export import warp
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame, content_hash
 from tests.benchmarks.flight_of_points import LENS, features_of_flight

@@ -21,11 +21,11 @@ from tempfile import TemporaryDirectory
 
 import cv2
 
-from gcs_mosaic.app.driver import Driver
-from gcs_mosaic.app.heap import share_heap
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
-from gcs_mosaic.app.resuming import checkpoints_of
+from gcs_mosaic.app.machine import share_heap
+from gcs_mosaic.app.pipeline.driver import Driver
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.pipeline.resuming import checkpoints_of
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.features.extraction import Features
 from sitl.path import fly

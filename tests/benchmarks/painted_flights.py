@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.app.prefetch import DecodedFrame, prepare, thumbnail
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, prepare, thumbnail
 from gcs_mosaic.frames.decode import Unreadable, decode_image, load_image
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings

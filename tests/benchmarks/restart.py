@@ -28,13 +28,14 @@ from unittest.mock import patch
 import cv2
 from rich.console import Console
 
-from gcs_mosaic.app import live, pipeline
-from gcs_mosaic.app.links import listen
-from gcs_mosaic.app.method import Method, method_of
-from gcs_mosaic.app.pipeline import Pipeline
-from gcs_mosaic.app.prefetch import DecodedFrame, thumbnail
-from gcs_mosaic.app.resuming import checkpoints_of
-from gcs_mosaic.app.shutdown import Shutdown
+from gcs_mosaic.app.inputs.links import listen
+from gcs_mosaic.app.live import daemon
+from gcs_mosaic.app.live.shutdown import Shutdown
+from gcs_mosaic.app.pipeline import pipeline
+from gcs_mosaic.app.pipeline.method import Method, method_of
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.pipeline.resuming import checkpoints_of
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.features.extraction import Features
 from tests.benchmarks.flight_of_points import features_of_flight
@@ -145,7 +146,7 @@ def go_on(home: Path) -> bool:
         stack.enter_context(patch.object(pipeline, "method_of", method))
         config = settings(home)
         links = listen(config, stop, stack)
-        live.fly(config, links, Console(stderr=True), Shutdown(stop=stop, hurry=threading.Event()))
+        daemon.fly(config, links, Console(stderr=True), Shutdown(stop=stop, hurry=threading.Event()))
     return True
 
 

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.config.tree import Config
 from sitl.path import Plan
 from tests.benchmarks.floors import floor_of

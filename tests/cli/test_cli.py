@@ -17,7 +17,7 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.cli import choices, options
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config

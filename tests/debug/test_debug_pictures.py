@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.debug.pictures import MOST_LINES, DebugPictures
 from gcs_mosaic.errors import UsageError

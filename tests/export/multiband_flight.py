@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 import sitl.flight
-from gcs_mosaic.app.batch import stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.tree import Config
 from sitl.camera import SHARPNESS, Camera

@@ -132,7 +132,7 @@ def left_by_a_killed_start(out: Path, *names: str) -> None:
             connect(out / LEDGER_NAME).close()  # its tables, but no flight
         else:
             (out / name).write_text(
-                "T INFO MainThread gcs_mosaic.app.flight_log: gcs-mosaic 1\n" if "log" in name else ""
+                "T INFO MainThread gcs_mosaic.app.status.flight_log: gcs-mosaic 1\n" if "log" in name else ""
             )
 
 

@@ -29,7 +29,7 @@ from gcs_mosaic.store.log import (
 from tests.sure import sure
 
 RECORD = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z [A-Z]+ \S+ [\w.]+: ")
-FORGED = "2030-01-01T00:00:00.000Z INFO MainThread gcs_mosaic.app.pipeline: a.jpg: placed"
+FORGED = "2030-01-01T00:00:00.000Z INFO MainThread gcs_mosaic.app.pipeline.pipeline: a.jpg: placed"
 
 
 class Log:

@@ -17,7 +17,7 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
-from gcs_mosaic.app.given import given_frames
+from gcs_mosaic.app.inputs.given import given_frames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import load_frame
 from gcs_mosaic.frames.directory import FolderWatch, Item, Taken, watch

@@ -1,0 +1,56 @@
+"""Per-frame sequence shared by all modes: accept, decode ahead, place, paint, save; and the end of a flight.
+
+Modes differ in where frames come from and in their processing order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from gcs_mosaic.app.machine import give_back
+from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
+from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame
+from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame
+
+GIVE_BACK_EACH = 16  # frames: a thousandth of the time
+
+
+class Driver:
+    """Drives a pipeline."""
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline = pipeline
+        self._processed = 0
+
+    def accept(self, item: Frame | DamagedFile | DroppedFrame) -> Frame | None:
+        """Accept an arrival; returns the frame to process, as kept, or None."""
+        match item:
+            case Frame():
+                return self._pipeline.accept(item)
+            case DamagedFile():
+                self._pipeline.store.accept_damaged(item)
+            case DroppedFrame():
+                self._pipeline.store.accept_dropped(item)
+        return None
+
+    def process(self, decoded: DecodedFrame | UndecodableFrame, between: Callable[[Done], None] | None = None) -> Done:
+        """Place, paint and save a frame; `between` is called before the save."""
+        done = self._pipeline.process(decoded)
+        if between is not None:
+            between(done)
+        done.seconds["write"] = self.save()
+        self._processed += 1
+        if self._processed % GIVE_BACK_EACH == 0:
+            give_back()
+        return done
+
+    def finish(self) -> Iterator[None]:
+        """End the flight: settle it and paint everything, step by step, saving after each."""
+        for _ in self._pipeline.finish():
+            self.save()
+            yield
+        self.save()
+
+    def save(self) -> float:
+        """Write all changes; returns the seconds it took."""
+        return self._pipeline.save()

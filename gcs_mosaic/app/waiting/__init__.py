@@ -1,0 +1,1 @@
+"""Frames that wait: prepared ahead, in turn, and tried again when they could not be read."""

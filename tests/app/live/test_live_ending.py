@@ -1,0 +1,188 @@
+"""How a live flight ends: asked to, killed, or on a full disk; what came is accounted for, and what was written is whole."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+
+import cv2
+import pytest
+
+from gcs_mosaic.app.live.daemon import RETRY_S
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from tests.benchmarks.flood import numbered
+from tests.documents import placements
+from tests.running import LONGEST_WAIT_S, QUICK, Running, events_of, flying, frames_of, until
+from tests.sure import sure
+
+COPY_ALL = "\noriginals: {reserve_gb: 0}\n"
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A real file system of eight megabytes."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", str(place)]
+    if sys.platform != "linux" or subprocess.run(command, capture_output=True, check=False).returncode:
+        pytest.skip("mounting a small file system is not permitted here")
+    yield place
+    subprocess.run(["umount", "--lazy", place], check=True)
+
+
+def fill(disk: Path) -> Path:
+    """A file that takes all space that is left."""
+    filler = disk / "filler"
+    with filler.open("wb", buffering=0) as file:
+        for size in (1 << 16, 1 << 9):
+            with suppress(OSError):
+                while file.write(bytes(size)):
+                    pass
+    assert shutil.disk_usage(disk).free == 0
+    return filler
+
+
+def assert_accounts_close(flight: Running, frames: int, *, open_ones: bool = False) -> None:
+    with Ledger(flight.out / LEDGER_NAME, read_only=True) as ledger:
+        accounts = ledger.accounts()
+    of_frames = {state: getattr(accounts.frames, state) for state in accounts.frames.__slots__}
+    of_events = {state: getattr(accounts.events, state) for state in accounts.events.__slots__}
+    assert sum(of_frames.values()) == frames
+    assert sum(of_events.values()) == len(events_of(flight.out)) <= flight.taken
+    assert open_ones or of_frames["pending"] == of_events["pending"] == 0
+
+
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
+def test_asked_to_end_it_finishes_in_order(tmp_path: Path, pictures: list[bytes], sign: signal.Signals) -> None:
+    with flying(tmp_path) as flight:
+        for k in range(3):
+            flight.take(f"IMG_{k}.JPG", pictures[k])
+        flight.wait_for(lambda status: sum(status["frames"].values()) == 3, "three frames came")
+        assert flight.end(sign) == 0
+        assert flight.status()["state"] == "stopped"
+        assert flight.status()["frames"] == flight.document("mosaic.json")["frames"]
+        assert_accounts_close(flight, frames=3)
+
+
+def test_it_ends_before_the_first_frame(tmp_path: Path) -> None:
+    with flying(tmp_path) as flight:
+        assert flight.document("mosaic.json")["islands"] == []
+        flight.trigger("IMG_0.JPG")
+        assert flight.end() == 0
+        assert flight.status()["state"] == "stopped"
+        assert flight.document("mosaic.json")["islands"] == []
+        assert_accounts_close(flight, frames=0)
+
+
+@pytest.mark.long
+def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> None:
+    """What is not processed is said to be so, and stays for another start; its original is kept."""
+    with flying(tmp_path) as flight:
+        for k in range(60):
+            flight.bring(f"IMG_{k}.JPG", numbered(pictures[k % 6], k))
+        flight.wait_for(lambda status: sum(status["frames"].values()) == 60, "sixty frames came")
+        flight.process.send_signal(signal.SIGINT)
+        until(lambda: "ending: working off" in flight.said, "ending")
+        asked = time.monotonic()
+        assert flight.end(signal.SIGINT) == 0
+        assert time.monotonic() - asked < 6
+        assert flight.status()["state"] == "stopped"
+        left = flight.document("mosaic.json")["frames"]["unstitched"]
+        assert left > 10
+        assert f"{left} frames are not on the map" in flight.said
+        assert_accounts_close(flight, frames=60)
+        assert all((flight.out / sure(frame.original)).is_file() for frame in frames_of(flight.out).values())
+
+
+@pytest.mark.long
+def test_killed_in_flight_everything_written_is_whole(tmp_path: Path, pictures: list[bytes]) -> None:
+    with flying(tmp_path) as flight:
+        for k in range(6):
+            flight.take(f"IMG_{k}.JPG", pictures[k])
+        flight.wait_for(lambda status: status["frames"]["placed"] >= 2, "two frames are placed")
+        flight.process.kill()
+        flight.process.wait(LONGEST_WAIT_S)
+    assert_accounts_close(flight, frames=len(frames_of(flight.out)), open_ones=True)
+    tiles = [path for kind in ("tiles", "masks") for path in (flight.out / kind).rglob("*.[jp]*g")]
+    assert len(tiles) > 4
+    assert all(sure(cv2.imread(str(path))).shape == (256, 256, 3) for path in tiles)
+    counted = flight.document("mosaic.json")
+    assert counted["frames"]["placed"] >= 1
+    told = placements(flight.out)  # of which the last revision may have been on its way
+    assert told["revision"] - counted["revision"] in (0, 1)
+    assert len(told["frames"]) >= counted["frames"]["placed"]
+    before = contents(flight.out)
+    with flying(tmp_path, "--new") as again:
+        assert "holds an earlier flight, which is left as it is; this flight is written to" in again.said
+        again.out = tmp_path / "mosaic-2"
+        again.wait_for_frames(placed=6)
+    assert contents(flight.out) == before
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Every file of a flight, but for what SQLite keeps beside the ledger for its readers."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and "sqlite-" not in path.name}
+
+
+@pytest.mark.long
+def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path: Path, pictures: list[bytes], small_disk: Path) -> None:
+    with flying(tmp_path, out=small_disk / "mosaic", config=QUICK + COPY_ALL) as flight:
+        flight.take("IMG_0.JPG", pictures[0])
+        flight.wait_for_frames(placed=1)
+        filler = fill(small_disk)
+        for k in range(1, 5):
+            flight.take(f"IMG_{k}.JPG", pictures[k])
+        flight.wait_for(lambda status: "disk is full" in status["notices"][-1]["text"], "the page knows of it")
+        tried = time.time() + 2 * RETRY_S
+        flight.wait_for(
+            lambda status: datetime.fromisoformat(status["updated"]).timestamp() > tried,
+            "it goes on, and has tried again",
+        )
+        assert flight.said.count("the disk is full") == 1
+        filler.unlink()
+        flight.wait_for_frames(placed=5)
+        assert flight.said.count("the disk can be written again") == 1
+        assert flight.end() == 0
+        assert_accounts_close(flight, frames=5)
+        assert events_of(flight.out) == ["matched"] * 5
+        assert all((flight.out / sure(frame.original)).is_file() for frame in frames_of(flight.out).values())
+
+
+@pytest.mark.long
+def test_it_can_be_ended_on_a_full_disk(tmp_path: Path, pictures: list[bytes], small_disk: Path) -> None:
+    config = QUICK.replace("finish_s: 30", "finish_s: 3") + COPY_ALL
+    with flying(tmp_path, out=small_disk / "mosaic", config=config) as flight:
+        flight.take("IMG_0.JPG", pictures[0])
+        flight.wait_for_frames(placed=1)
+        filler = fill(small_disk)
+        flight.take("IMG_1.JPG", pictures[1])
+        flight.wait_for(lambda status: "disk is full" in status["notices"][-1]["text"], "the page knows of it")
+        assert flight.end() == 1
+        assert flight.said.splitlines()[-1].startswith("gcs-mosaic: the disk is full")
+        assert "Traceback" not in flight.said
+        filler.unlink()
+        assert frames_of(flight.out)["IMG_0.JPG"].state == "placed"
+        assert_accounts_close(flight, frames=len(frames_of(flight.out)), open_ones=True)
+
+
+@pytest.mark.long
+def test_a_terminal_that_goes_ends_no_flight(tmp_path: Path, pictures: list[bytes]) -> None:
+    """The program that reads what is said dies, then the window is closed."""
+    reading, writing = os.pipe()
+    with flying(tmp_path, terminal=writing) as flight:
+        os.close(writing)
+        os.close(reading)
+        for k in range(3):
+            flight.take(f"IMG_{k}.JPG", pictures[k])
+        flight.wait_for_frames(placed=3)
+        assert flight.end(signal.SIGHUP) == 0
+        assert_accounts_close(flight, frames=3)

@@ -1,0 +1,88 @@
+"""Frames that are prepared ahead, in the order of their turns, by threads that take their time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from gcs_mosaic.app.waiting.prefetch import THUMBNAIL_WIDTH, DecodedFrame, Preparation, thumbnail
+from gcs_mosaic.app.waiting.turns import AHEAD, NewestFirst
+from gcs_mosaic.frames.decoding.decoders import Decoders
+from gcs_mosaic.messages import Frame, content_hash
+from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
+
+DECODING_S = 0.1
+
+
+class SlowDecoders:
+    """Each picture takes long, whoever asks; every other one, if so told, three times as long."""
+
+    def __init__(self, *, uneven: bool = False) -> None:
+        self._uneven = uneven
+
+    def begin(self) -> None:
+        pass
+
+    def load_frame(self, frame: Frame, reduction: int = 1) -> np.ndarray:
+        is_slow = self._uneven and int(Path(frame.name).stem) % 2 == 0
+        time.sleep(DECODING_S * (3 if is_slow else 1))
+        return np.zeros((60, 80, 3), np.uint8)
+
+
+@pytest.fixture(params=[False, True], ids=["even", "uneven"])
+def preparation(request: pytest.FixtureRequest) -> Iterator[Preparation]:
+    def find(image: Any, reduction: int) -> Any:
+        return extract(image, FeatureSettings(), reduction)
+
+    decoders = cast("Decoders", SlowDecoders(uneven=request.param))
+    with closing(Preparation(find, decoders, turns=NewestFirst())) as made:
+        yield made
+
+
+def frame(number: int) -> Frame:
+    name, data = f"{number}.jpg", str(number).encode()
+    return Frame(
+        name=name, path=Path(name), content_hash=content_hash(data), size=1, received=0.0, modified=0.0, data=data
+    )
+
+
+def test_frames_that_come_faster_than_they_are_prepared_have_their_turns(preparation: Preparation) -> None:
+    """Three or more come while one is prepared: each turn has one that is newer than the last, and none waits for ever."""
+    taken = list[int]()
+    for number in range(60):
+        preparation.append(frame(number))
+        until = time.monotonic() + DECODING_S / 3
+        while (left := until - time.monotonic()) > 0:
+            preparation.wait(left)
+            if preparation.is_ready:
+                prepared = preparation.next()
+                assert isinstance(prepared, DecodedFrame)
+                preparation.processed(prepared.frame.name, [prepared.frame.name], waits=False)
+                taken.append(int(Path(prepared.frame.name).stem))
+    assert len(taken) >= 6
+    assert taken == sorted(taken)
+    assert taken[-1] > 45
+
+
+def test_all_that_were_passed_over_have_theirs_in_the_end_in_order(preparation: Preparation) -> None:
+    """However long each takes."""
+    for number in range(8):
+        preparation.append(frame(number))
+    taken = []
+    while len(preparation):
+        prepared = preparation.next()
+        assert prepared is not None
+        preparation.processed(prepared.frame.name, [prepared.frame.name], waits=False)
+        taken.append(prepared.frame.name)
+        assert len(preparation._ahead) <= AHEAD
+    assert taken == [f"{number}.jpg" for number in range(7, -1, -1)]
+
+
+def test_a_picture_of_one_row_has_a_thumbnail() -> None:
+    assert thumbnail(np.zeros((1, 5000, 3), np.uint8)).shape == (1, THUMBNAIL_WIDTH, 3)
