@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_mosaic.notes.at_rest import anchors_of
+from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
 from gcs_mosaic.views.flight_view import FlightView
 from sitl.messages import position
 from sitl.score import Score, score

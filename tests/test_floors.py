@@ -127,12 +127,15 @@ ONLY = {
     ("cli", "hints"): {"settings"},
     ("check", "frames"): {"decode"},
     ("check", "notes"): {"schema"},
-    ("app", "notes"): {"anchor_setting", "taken_over"},
+    ("app", "notes"): {"anchor_setting", "merged_notes"},
     ("notes", "frames"): {"decode"},
     ("check", "stitch.graph"): {"tearing"},
 }
 # Folders inside a room, from the ground up: each may import those before it, but for these pairs.
-FLOORS = {"app": ("machine", "waiting", "pipeline", "inputs", "status", "live", "commands")}
+FLOORS = {
+    "app": ("machine", "waiting", "pipeline", "inputs", "status", "live", "commands"),
+    "notes": ("texts", "storage", "ground", "anchors", "finds", "search", "merged_notes"),
+}
 APART = {("commands", "live")}
 FRONT_DOOR = {"__init__", "__main__", "errors", "extensions", "interface", "messages", "outside", "sitl"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra

@@ -22,7 +22,7 @@ from typing import Any
 
 import pytest
 
-from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.notes.storage.book import NotesBook
 from tests.ended_flights import ended_flight, photographed
 from tests.ports import free_port
 from tests.strangers import LEDGERS, LINKS, SECRET, STRANGE_FILES, Trick, an_outside, seen

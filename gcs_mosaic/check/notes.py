@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.notes.schema import NOTES
+from gcs_mosaic.notes.storage.schema import NOTES
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.store.schema import connect_for_reading

@@ -194,7 +194,7 @@ def export_flight(given: argparse.Namespace) -> None:
 
 def anchor(given: argparse.Namespace) -> None:
     """Show how the map lies on earth, and change what it is laid by."""
-    from gcs_mosaic.notes.anchor_flight import AnchorChange, anchor_flight
+    from gcs_mosaic.notes.anchors.anchor_flight import AnchorChange, anchor_flight
 
     change = AnchorChange(points=given.points, deleted=given.delete, positions=given.positions)
     print(anchor_flight(given.flight, change))

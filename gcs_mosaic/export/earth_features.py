@@ -15,11 +15,12 @@ from gcs_mosaic.export.whole_file import whole_file
 from gcs_mosaic.geo.anchor import CanvasPlaces
 from gcs_mosaic.geo.ellipsoid import Places
 from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland, going_on
-from gcs_mosaic.notes.anchoring import anchor_of
-from gcs_mosaic.notes.binding import GroundFollower
-from gcs_mosaic.notes.export_finds import finds_in
-from gcs_mosaic.notes.exports import find_feature
-from gcs_mosaic.notes.told import iso, placed, shown
+from gcs_mosaic.notes.anchors.anchoring import anchor_of
+from gcs_mosaic.notes.finds.export_finds import finds_in
+from gcs_mosaic.notes.finds.exports import find_feature
+from gcs_mosaic.notes.finds.finds import placed
+from gcs_mosaic.notes.ground.binding import GroundFollower
+from gcs_mosaic.notes.texts import iso, shown
 from gcs_mosaic.store.records import PositionRecord
 from gcs_mosaic.views.coverage import IslandCoverage
 

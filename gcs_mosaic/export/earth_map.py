@@ -17,9 +17,9 @@ from gcs_mosaic.geo.pins import PinnedMap, Refused
 from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
 from gcs_mosaic.geotiles.earth_islands import Bounds, EarthIsland, canvas_islands, earth_islands
 from gcs_mosaic.geotiles.pyramid import GeoPyramid, middle_of
-from gcs_mosaic.notes.anchoring import IslandAnchor
-from gcs_mosaic.notes.at_rest import anchors_of
-from gcs_mosaic.notes.told import iso, shown
+from gcs_mosaic.notes.anchors.anchoring import IslandAnchor
+from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
+from gcs_mosaic.notes.texts import iso, shown
 from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.views.flight_view import FlightView

@@ -12,7 +12,7 @@ from typing import Literal
 from gcs_mosaic.hints.hint_process import seek_hints
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.hints.sought import SoughtColour
-from gcs_mosaic.notes.hint_wishes import PickedColour
+from gcs_mosaic.notes.search.hint_wishes import PickedColour
 from gcs_mosaic.processes.child import ChildProcess, ending
 from gcs_mosaic.processes.keeper import one_after_another
 from gcs_mosaic.processes.pipe import Message, messages, was_logged

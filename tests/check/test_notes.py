@@ -9,8 +9,8 @@ import pytest
 from gcs_mosaic.check.check import check, repair
 from gcs_mosaic.check.findings import CheckedPart
 from gcs_mosaic.check.notes import check_notes
-from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.dismissed import DismissedHints
+from gcs_mosaic.notes.search.dismissed_hints import DismissedHints
+from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.store.folder import LEDGER_NAME, NOTES_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FlightRecord

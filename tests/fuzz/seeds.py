@@ -13,9 +13,9 @@ import numpy as np
 import tifffile
 
 from gcs_mosaic.config.settings_file import documented_defaults
-from gcs_mosaic.notes.binding import Binding, GroundPlace
-from gcs_mosaic.notes.finds import Find
-from gcs_mosaic.notes.told import GeoPlace, PlacedFind
+from gcs_mosaic.notes.finds.finds import Find, PlacedFind
+from gcs_mosaic.notes.ground.binding import Binding, GroundPlace
+from gcs_mosaic.notes.ground.places import GeoPlace
 from gcs_mosaic.store.checkpoint import encoded as pickled
 from tests.frames.image_files import encoded, photographed, picture, turned, with_exif, with_thumbnail
 from tests.mavlink.mavlink_peer import captured, feedback, heartbeat, packet, recorded, trigger

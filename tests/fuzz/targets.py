@@ -21,8 +21,8 @@ from gcs_mosaic.frames.integrity import is_whole
 from gcs_mosaic.frames.structure import StructureError, Whole
 from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog_reader import read_recording
-from gcs_mosaic.notes.control_points import read_control_points
-from gcs_mosaic.notes.exports import as_csv, as_geojson, as_kml
+from gcs_mosaic.notes.anchors.control_points import read_control_points
+from gcs_mosaic.notes.finds.exports import as_csv, as_geojson, as_kml
 from gcs_mosaic.stitch.features.onnx_input import declared_inputs
 from gcs_mosaic.store import checkpoint
 from gcs_mosaic.web.maps.wms import strip_of, tile_in

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.notes.book import NotesBook
+from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.views import flight_view
 from gcs_mosaic.views.flight_view import FlightView
 from tests.notes.mapped import MappedFlight

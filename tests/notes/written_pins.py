@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 
-from gcs_mosaic.notes.binding import Binding
-from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.pins import NewPin, Pins
+from gcs_mosaic.notes.anchors.pins import NewPin, Pins
+from gcs_mosaic.notes.ground.binding import Binding
+from gcs_mosaic.notes.storage.book import NotesBook
 
 
 def write_pins(root: Path, pins: Iterable[tuple[float, float, float, float]]) -> None:

@@ -12,8 +12,8 @@ import pytest
 
 from gcs_mosaic.geo.ellipsoid import LocalPlane
 from gcs_mosaic.messages import Position
-from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.schema import NOTES
+from gcs_mosaic.notes.storage.book import NotesBook
+from gcs_mosaic.notes.storage.schema import NOTES
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.folder import LEDGER_NAME, NOTES_NAME
 from gcs_mosaic.store.ledger import Ledger

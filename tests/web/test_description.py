@@ -12,7 +12,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
-from gcs_mosaic.notes.checked import Limits, Unfit
+from gcs_mosaic.notes.storage.checked import Limits, Unfit
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api.asked import read
 from gcs_mosaic.web.api.openapi import description

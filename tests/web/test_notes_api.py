@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 
-from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.finds import Finds
+from gcs_mosaic.notes.finds.finds import Finds
+from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import notes as notes_module

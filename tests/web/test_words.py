@@ -10,7 +10,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from tests.app.test_conditions import FLYING, NEWS
 
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.store.records import FrameState
@@ -19,6 +18,7 @@ from gcs_mosaic.views.layers import LAYERS, area_words
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.app import VIEWER
 from gcs_mosaic.web.server import WebServer
+from tests.app.status.test_conditions import FLYING, NEWS
 from tests.web.browser import CHROMIUM, open_browser
 from tests.web.seen_flight import seen_flight
 

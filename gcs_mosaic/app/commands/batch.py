@@ -27,7 +27,7 @@ from gcs_mosaic.app.waiting.prefetch import Preparation, one_after_another
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
 from gcs_mosaic.messages import Frame, Notice
-from gcs_mosaic.notes.anchor_setting import let_positions_lay
+from gcs_mosaic.notes.anchors.anchor_setting import let_positions_lay
 from gcs_mosaic.render.display import display_of
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.held_out import held_out_lines, largest

@@ -24,7 +24,7 @@ from gcs_mosaic.app.waiting.prefetch import one_after_another
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
 from gcs_mosaic.messages import DamagedFile, Frame, Notice
-from gcs_mosaic.notes.taken_over import NotedFlight, take_over_notes
+from gcs_mosaic.notes.merged_notes import NotedFlight, merge_notes
 from gcs_mosaic.stitch.graph.union import Renamed
 from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import Unusable
@@ -72,7 +72,7 @@ def merge(flights: Sequence[Path], out: Path, config: Config, console: Console) 
         if not _merge_into(folder.path, sources, config, console):
             text = f"no frame of these flights found a place: there is no map, {folder.path} has the reasons"
             raise NothingPlaced(text)
-        for notice in take_over_notes(folder.path, [NotedFlight(source.path, source.name_of) for source in sources]):
+        for notice in merge_notes(folder.path, [NotedFlight(source.path, source.name_of) for source in sources]):
             say(console, notice)
     return folder.path
 

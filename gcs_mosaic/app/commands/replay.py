@@ -35,7 +35,7 @@ from gcs_mosaic.frames.files import looks_in, mapped_of, read_frame
 from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.mavlink.tlog_reader import RecordedLink, read_recording
 from gcs_mosaic.messages import DamagedFile, Frame, Notice
-from gcs_mosaic.notes.anchor_setting import let_positions_lay
+from gcs_mosaic.notes.anchors.anchor_setting import let_positions_lay
 from gcs_mosaic.store.flight_store import StoreHooks
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.records import EventAccount

@@ -44,7 +44,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.video.watched import Room
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, OtherFile, SourceReport, Topic
-from gcs_mosaic.notes.anchor_setting import let_positions_lay
+from gcs_mosaic.notes.anchors.anchor_setting import let_positions_lay
 from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.flight_store import StoreHooks

@@ -15,10 +15,10 @@ from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.geo.coordinates import decimal_text, dms_text, mgrs_text, read_coordinate, utm_text
 from gcs_mosaic.geo.pins import USUAL_SIGMA_M, PinnedMap, Refused
 from gcs_mosaic.geo.positions import PositionedMap
-from gcs_mosaic.notes.anchoring import IslandAnchor
-from gcs_mosaic.notes.checked import FURTHEST, LONGEST_LABEL, Limits, Unfit, Utc, Who
-from gcs_mosaic.notes.pins import NewPin, SetPin
-from gcs_mosaic.notes.told import PlaceAnswer, place_answer
+from gcs_mosaic.notes.anchors.anchoring import IslandAnchor
+from gcs_mosaic.notes.anchors.pins import NewPin, SetPin
+from gcs_mosaic.notes.ground.places import PlaceAnswer, place_answer
+from gcs_mosaic.notes.storage.checked import FURTHEST, LONGEST_LABEL, Limits, Unfit, Utc, Who
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Canvas, IslandNumber, Notes, PlacedBody, bound, id_of

@@ -9,8 +9,12 @@ from typing import Annotated, Any, Literal
 
 from aiohttp import web
 
-from gcs_mosaic.notes.anchoring import anchor_of
-from gcs_mosaic.notes.checked import (
+from gcs_mosaic.notes.anchors.anchoring import anchor_of
+from gcs_mosaic.notes.anchors.pins import SetPin
+from gcs_mosaic.notes.finds.exports import as_csv, as_geojson, as_kml
+from gcs_mosaic.notes.finds.finds import Find, NewFind, Outdated, PlacedFind, placed
+from gcs_mosaic.notes.ground.places import GeoPlace, PlaceAnswer, place_answer
+from gcs_mosaic.notes.storage.checked import (
     LONGEST_LABEL,
     LONGEST_NAME,
     LONGEST_NOTE,
@@ -19,10 +23,6 @@ from gcs_mosaic.notes.checked import (
     Utc,
     Who,
 )
-from gcs_mosaic.notes.exports import as_csv, as_geojson, as_kml
-from gcs_mosaic.notes.finds import Find, NewFind, Outdated
-from gcs_mosaic.notes.pins import SetPin
-from gcs_mosaic.notes.told import GeoPlace, PlaceAnswer, PlacedFind, place_answer, placed
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Notes, PlacedBody, bound, id_of
@@ -220,7 +220,7 @@ async def exported(request: web.Request) -> web.StreamResponse:
     how = "inline" if kind == "html" else "attachment"
     headers = {"Content-Disposition": f'{how}; filename="finds.{kind}"'}
     if kind == "html":
-        from gcs_mosaic.notes.report import POLICY as REPORT_POLICY
+        from gcs_mosaic.notes.finds.report import POLICY as REPORT_POLICY
 
         headers[POLICY] = f"{REPORT_POLICY}; frame-ancestors 'none'"
     return web.Response(text=text, content_type=types.get(kind, "text/html"), charset="utf-8", headers=headers)
@@ -235,7 +235,7 @@ def _export(request: web.Request, shown: Sequence[PlacedFind], kind: str) -> str
     if kind == "csv":
         return as_csv(shown)
     if kind == "html":
-        from gcs_mosaic.notes.report import as_report
+        from gcs_mosaic.notes.finds.report import as_report
 
         return as_report(shown, flight, request.app[VIEW], time.time())
     return (as_geojson if kind == "geojson" else as_kml)(shown, flight)

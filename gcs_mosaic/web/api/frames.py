@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from aiohttp import web
 
-from gcs_mosaic.notes.checked import Limits
+from gcs_mosaic.notes.storage.checked import Limits
 from gcs_mosaic.views.picture_tiles import KEPT_S, PictureTiles
 from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, original, picture
 from gcs_mosaic.views.sightings import Sighting, sightings

@@ -17,9 +17,9 @@ from gcs_mosaic.hints.hint_file import read_hints
 from gcs_mosaic.hints.hint_places import hint_places
 from gcs_mosaic.hints.ranking import RankedHint, Reason, ranked
 from gcs_mosaic.hints.settings import HintSettings
-from gcs_mosaic.notes.checked import LONGEST_LABEL, Limits, Unfit, Utc, Who
-from gcs_mosaic.notes.dismissed import HintKey
-from gcs_mosaic.notes.hint_wishes import PickedColour
+from gcs_mosaic.notes.search.dismissed_hints import HintKey
+from gcs_mosaic.notes.search.hint_wishes import PickedColour
+from gcs_mosaic.notes.storage.checked import LONGEST_LABEL, Limits, Unfit, Utc, Who
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import NoPicture, displayed
 from gcs_mosaic.views.sightings import sightings

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from aiohttp import web
 
-from gcs_mosaic.notes.checked import Who
-from gcs_mosaic.notes.dismissed import HINT, DismissedHint, HintKey
+from gcs_mosaic.notes.search.dismissed_hints import HINT, DismissedHint, HintKey
+from gcs_mosaic.notes.storage.checked import Who
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, answer, missing, told_anew
 from gcs_mosaic.web.api.notes import NOTES

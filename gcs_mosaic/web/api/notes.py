@@ -15,16 +15,16 @@ from typing import Annotated, Any, TypeVar
 from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.notes.anchoring import Anchoring, IslandAnchor
-from gcs_mosaic.notes.binding import Binding, GroundFollower
-from gcs_mosaic.notes.book import NotesBook
-from gcs_mosaic.notes.checked import FURTHEST, Limits, Unfit
-from gcs_mosaic.notes.dismissed import DismissedHints
-from gcs_mosaic.notes.finds import Finds
-from gcs_mosaic.notes.hint_wishes import HintWishes
-from gcs_mosaic.notes.pins import Pins, SetPin
-from gcs_mosaic.notes.reviews import Reviews
-from gcs_mosaic.notes.scales import Scales
+from gcs_mosaic.notes.anchors.anchoring import Anchoring, IslandAnchor
+from gcs_mosaic.notes.anchors.pins import Pins, SetPin
+from gcs_mosaic.notes.anchors.scales import Scales
+from gcs_mosaic.notes.finds.finds import Finds
+from gcs_mosaic.notes.ground.binding import Binding, GroundFollower
+from gcs_mosaic.notes.search.dismissed_hints import DismissedHints
+from gcs_mosaic.notes.search.hint_wishes import HintWishes
+from gcs_mosaic.notes.search.reviews import Reviews
+from gcs_mosaic.notes.storage.book import NotesBook
+from gcs_mosaic.notes.storage.checked import FURTHEST, Limits, Unfit
 from gcs_mosaic.store.disk import CannotWrite, DiskFull
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.views.flight_view import FlightView

@@ -9,8 +9,8 @@ from typing import Any, TypedDict, Unpack
 
 from aiohttp import web
 
-from gcs_mosaic.notes.checked import Unfit
-from gcs_mosaic.notes.finds import NoSuchNote
+from gcs_mosaic.notes.storage.book import NoSuchNote
+from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.web.access import is_local
 from gcs_mosaic.web.api.common import bad, missing
 from gcs_mosaic.web.choosing import ACCESS

@@ -11,7 +11,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from gcs_mosaic.notes.checked import Limits
+from gcs_mosaic.notes.storage.checked import Limits
 
 Schema = dict[str, Any]
 NAMES = {int: "integer", float: "number", str: "string", bool: "boolean", NoneType: "null"}

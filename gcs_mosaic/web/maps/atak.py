@@ -11,11 +11,11 @@ from xml.sax.saxutils import escape, quoteattr
 from aiohttp import web
 
 from gcs_mosaic.geotiles.pyramid import OVERZOOM
-from gcs_mosaic.notes.anchoring import geo_place
-from gcs_mosaic.notes.binding import GroundFollower, GroundPlace
-from gcs_mosaic.notes.exports import as_kml
-from gcs_mosaic.notes.finds import Find
-from gcs_mosaic.notes.told import GeoPlace, placed
+from gcs_mosaic.notes.anchors.anchoring import geo_place
+from gcs_mosaic.notes.finds.exports import as_kml
+from gcs_mosaic.notes.finds.finds import Find, placed
+from gcs_mosaic.notes.ground.binding import GroundFollower, GroundPlace
+from gcs_mosaic.notes.ground.places import GeoPlace
 from gcs_mosaic.web.api.notes import NOTES
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.maps.addresses import MOBAC_NAME, MapAddresses, addresses_for

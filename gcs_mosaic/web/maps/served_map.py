@@ -23,9 +23,9 @@ from gcs_mosaic.geotiles.earth_islands import CanvasIsland, EarthIsland, canvas_
 from gcs_mosaic.geotiles.pyramid import GeoPyramid
 from gcs_mosaic.geotiles.shown_anchors import AnchorFollower, FittedIsland
 from gcs_mosaic.geotiles.touched import touched
-from gcs_mosaic.notes.anchoring import IslandAnchor
-from gcs_mosaic.notes.pins import SetPin
-from gcs_mosaic.notes.told import shown as shown_name
+from gcs_mosaic.notes.anchors.anchoring import IslandAnchor
+from gcs_mosaic.notes.anchors.pins import SetPin
+from gcs_mosaic.notes.texts import shown as shown_name
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import ImageBGRA
 from gcs_mosaic.store.reading import MOSAIC_NAME, read_document

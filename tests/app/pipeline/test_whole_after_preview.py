@@ -11,7 +11,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from tests.app.test_resuming import CONFIG, accepted, finished, map_of, pipeline, process, saved_in
 
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.pipeline.rewritten import PREVIEW
@@ -22,6 +21,7 @@ from gcs_mosaic.store.checkpoint import Unusable
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
+from tests.app.pipeline.test_resuming import CONFIG, accepted, finished, map_of, pipeline, process, saved_in
 from tests.rebuilt import assert_explained
 from tests.running import six_pictures
 from tests.sure import sure

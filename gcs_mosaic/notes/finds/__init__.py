@@ -1,0 +1,1 @@
+"""What people have found: markers, told to other programs and reported."""

@@ -1,0 +1,122 @@
+"""A report of all finds that can be printed: one HTML file with everything in it, crops of the originals included."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import logging
+import math
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.decode import Unreadable, decode_image
+from gcs_mosaic.notes.finds.exports import NO_ANCHOR
+from gcs_mosaic.notes.finds.finds import PlacedFind
+from gcs_mosaic.notes.texts import iso, shown
+from gcs_mosaic.render.display import display_of
+from gcs_mosaic.stitch.arrays import ImageBGR
+from gcs_mosaic.store.originals import original_bytes
+from gcs_mosaic.views.flight_view import FlightView
+
+logger = logging.getLogger(__name__)
+
+CROP = 400  # px of the original, a side
+MOST_CROPS = 60  # each is decoded from its original
+QUALITY = 85
+STYLE = """
+@page { size: A4; margin: 12mm }
+body { font: 10pt/1.35 system-ui, sans-serif; color: #000; background: #fff; margin: 0 auto; max-width: 186mm }
+h1 { font-size: 14pt; margin: 0 } h2 { font-size: 11pt; margin: 0 0 1mm }
+.finds { display: grid; grid-template-columns: 1fr 1fr; gap: 4mm; margin-top: 4mm }
+article { border: 0.3mm solid #888; padding: 2mm; break-inside: avoid; overflow-wrap: anywhere }
+img, .none { display: block; width: 100%; aspect-ratio: 3 / 2; object-fit: cover; background: #ddd; margin-bottom: 1mm }
+figure { margin: 0; position: relative }
+p { margin: 0; white-space: pre-wrap } small { color: #333 }
+"""
+# Nothing is loaded, no script runs, and of styles only these.
+POLICY = (
+    "default-src 'none'; img-src data:; "
+    f"style-src 'sha256-{base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode('ascii')}'"
+)
+
+
+def as_report(finds: Sequence[PlacedFind], flight: str, view: FlightView, made_utc: float) -> str:
+    """The report; `made_utc` in seconds since 1970. It loads nothing, and no script runs in it."""
+    crops = _crops(finds[:MOST_CROPS], view)
+    cards = "\n".join(_card(one, crops.get(one.find.id)) for one in finds)
+    anchored = bool(finds) and all(one.geo is not None for one in finds)
+    title = html.escape(f"{shown(flight)}: {len(finds)} finds")
+    said = "" if anchored else f"<p>{html.escape(NO_ANCHOR)}</p>"
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        f"<title>{title}</title><style>{STYLE}</style></head>\n"
+        f'<body><h1>{title}</h1><p>{iso(made_utc)}</p>{said}\n<div class="finds">\n{cards}\n</div></body></html>\n'
+    )
+
+
+def _card(one: PlacedFind, crop: bytes | None) -> str:
+    find, place = one.find, one.place
+    name = html.escape(find.label or find.kind or "find")
+    picture = '<div class="none"></div>'
+    if crop is not None:
+        picture = f'<img alt="{name}" src="data:image/jpeg;base64,{base64.b64encode(crop).decode("ascii")}">'
+    where = f"island {place.island}, canvas {place.x:.1f}, {place.y:.1f}"
+    if one.geo is not None:
+        where = (
+            f"{one.geo.latitude_deg:.6f}, {one.geo.longitude_deg:.6f} (within {math.ceil(one.geo.error_m)} m); {where}"
+        )
+    if find.binding.frame is not None and find.binding.pixel is not None:
+        where += f"; {shown(find.binding.frame)} at {find.binding.pixel[0]:.0f}, {find.binding.pixel[1]:.0f}"
+    when = f"{find.who}, {iso(find.created_utc)}"
+    return (
+        f"<article><figure>{picture}</figure><h2>{find.id}. {name}</h2><p>{html.escape(find.note)}</p>"
+        f"<small>{html.escape(find.kind)} &middot; {html.escape(when)}<br>{html.escape(where)}</small></article>"
+    )
+
+
+def _crops(finds: Sequence[PlacedFind], view: FlightView) -> dict[int, bytes]:
+    """JPEG of what each find shows, by its number; each original is decoded once, and one is held at a time."""
+    of_frame: dict[int, list[PlacedFind]] = {}
+    for one in finds:
+        if one.place.number is not None:
+            of_frame.setdefault(one.place.number, []).append(one)
+    found = {}
+    for number, those in of_frame.items():
+        image = original(view, number)
+        for one in those if image is not None else ():
+            assert image is not None
+            found[one.find.id] = crop_of(image, one.find.binding.pixel or (0.0, 0.0))
+    return found
+
+
+def original(view: FlightView, number: int) -> ImageBGR | None:
+    """A frame's original as it is shown, (h, w, 3) BGR 8 bit; None if it is gone or damaged."""
+    try:
+        frame, painted = view.frame(number), view.painted(number)
+    except UsageError:
+        logger.info("no ledger can be read", exc_info=True)
+        return None
+    data = None if frame is None else original_bytes(view.root, frame)
+    image = None if data is None else decode_image(data)
+    if image is None or isinstance(image, Unreadable):
+        return None
+    display = painted.display if painted is not None and painted.display.fits(image) else display_of(image)
+    return display.lightened(display.picture(image))
+
+
+def crop_of(image: ImageBGR, pixel: tuple[float, float]) -> bytes:
+    """JPEG of the square of `CROP` px about a pixel of a picture (h, w, 3), moved to lie within it, with the pixel marked."""
+    left, top = (
+        int(np.clip(round(at) - CROP // 2, 0, max(size - CROP, 0)))
+        for at, size in zip(pixel, (image.shape[1], image.shape[0]), strict=True)
+    )
+    crop = np.ascontiguousarray(image[top : top + CROP, left : left + CROP])
+    middle = (round(pixel[0]) - left, round(pixel[1]) - top)
+    for colour, width in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+        cv2.circle(crop, middle, 24, colour, width, cv2.LINE_AA)
+    return cv2.imencode(".jpg", crop, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()

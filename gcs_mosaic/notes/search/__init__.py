@@ -1,0 +1,1 @@
+"""How people search: what was looked at, the hints they have dismissed, and those they wish for."""

@@ -1,0 +1,172 @@
+"""Which ground was looked at, at which zoom, for how long, by whom, and when: in cells of a fixed grid.
+
+Cells are those of the canvas when it was looked at, and are not carried along when islands join: ground that may not have been
+looked at counts as not reviewed. Looks of some seconds are held in memory and written together, so that people who look about do
+not keep the disk busy: a kill loses the last `FLUSH_S` of them.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.notes.storage.book import NotesBook
+from gcs_mosaic.notes.storage.checked import Unfit
+from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
+from gcs_mosaic.stitch.arrays import Coverage
+from gcs_mosaic.views.flight_view import FrameTable
+
+CELL_LEVEL = 17  # a cell is a tile of this level: 128 canvas units, an eighth of a small frame
+CELL = 128.0  # canvas units
+MOST_CELLS = 4096  # of one look; from further away nobody reviews
+MOST_ASKED = 1 << 18  # cells of one question
+MOST_ROWS = 400_000  # 20 MB
+MOST_REVIEWERS = 100
+LONGEST_LOOK_S = 10.0  # of one report
+FLUSH_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ReviewedView:
+    """What somebody had on the screen: a box of an island's canvas at a level of zoom, for so long."""
+
+    island: int
+    box: Box
+    level: int
+    seconds: float
+    who: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """What is reviewed within a box: at this level or finer, so long in sum, by `who` or anybody, since `since_utc`."""
+
+    island: int
+    box: Box
+    level: int
+    seconds: float = 0.0
+    who: str | None = None
+    since_utc: float = 0.0
+
+
+Key = tuple[int, int, int, str, int]  # island, x, y, who, level
+
+
+class Reviews:
+    """The looks in a book of notes. Raises what `NotesBook.change` and `rows` raise."""
+
+    def __init__(self, book: NotesBook) -> None:
+        self._book = book
+        self._pending: dict[Key, tuple[float, float]] = {}  # seconds, utc
+        self._written = time.monotonic()
+
+    def report(self, look: ReviewedView) -> int:
+        """Take in a look; the number of cells whose middle it shows, 0 from too far away. Raises Unfit when there is no room."""
+        cells = cells_within(look.box)
+        if len(cells) > MOST_CELLS:
+            return 0
+        reviewers = {row["name"] for row in self._book.rows("SELECT name FROM reviewers")}
+        reviewers |= {key[3] for key in self._pending}
+        if len(reviewers | {look.who}) > MOST_REVIEWERS:
+            raise Unfit(f"{MOST_REVIEWERS} people review already.")
+        if len(self._pending) + self._rows() > MOST_ROWS:
+            raise Unfit("No more reviews can be kept for this flight.")
+        now = time.time()
+        for x, y in cells:
+            key = (look.island, x, y, look.who, look.level)
+            self._pending[key] = (self._pending.get(key, (0.0, 0.0))[0] + look.seconds, now)
+        return len(cells)
+
+    def flush_if_due(self) -> None:
+        """To be called every few seconds."""
+        if time.monotonic() - self._written >= FLUSH_S:
+            self._written = time.monotonic()
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is held in memory."""
+        if not self._pending:
+            return
+        with self._book.change(counts=False) as file:
+            numbers = {}
+            for who in {key[3] for key in self._pending}:
+                file.write("INSERT OR IGNORE INTO reviewers (name) VALUES (?)", who)
+                numbers[who] = file.rows("SELECT id FROM reviewers WHERE name = ?", who)[0]["id"]
+            for (island, x, y, who, level), (seconds, utc) in self._pending.items():
+                file.write(
+                    "INSERT INTO reviewed VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (island, x, y, reviewer, level) "
+                    "DO UPDATE SET seconds = seconds + excluded.seconds, utc = excluded.utc",
+                    *(island, x, y, numbers[who], level, seconds, utc),
+                )
+        self._pending.clear()
+
+    def reviewed(self, question: Question) -> set[tuple[int, int]]:
+        """The cells (x, y) within the box that were reviewed as is asked."""
+        sums: dict[tuple[int, int], float] = {}
+        for x, y, seconds in self._looks(question):
+            sums[x, y] = sums.get((x, y), 0.0) + seconds
+        return {cell for cell, seconds in sums.items() if seconds >= question.seconds}
+
+    def reviewers(self) -> Mapping[str, float]:
+        """Who has reviewed, and when last (seconds since 1970)."""
+        rows = self._book.rows(
+            "SELECT name, max(utc) AS utc FROM reviewed JOIN reviewers ON id = reviewer GROUP BY reviewer"
+        )
+        found: dict[str, float] = {row["name"]: row["utc"] for row in rows}
+        for (_, _, _, who, _), (_, utc) in self._pending.items():
+            found[who] = max(found.get(who, 0.0), utc)
+        return found
+
+    def _looks(self, question: Question) -> Iterator[tuple[int, int, float]]:
+        columns, lines = spans(question.box)
+        where = "island = ? AND x BETWEEN ? AND ? AND y BETWEEN ? AND ? AND level >= ? AND utc >= ?"
+        bounds = (question.island, columns[0], columns[-1], lines[0], lines[-1], question.level, question.since_utc)
+        for row in self._book.rows(
+            f"SELECT x, y, seconds FROM reviewed JOIN reviewers ON id = reviewer WHERE {where} AND (? IS NULL OR name = ?)",
+            *bounds,
+            *(question.who, question.who),
+        ):
+            yield row["x"], row["y"], row["seconds"]
+        for (island, x, y, who, level), (seconds, utc) in self._pending.items():
+            is_asked = question.who in (None, who) and level >= question.level and utc >= question.since_utc
+            if is_asked and island == question.island and x in columns and y in lines:
+                yield x, y, seconds
+
+    def _rows(self) -> int:
+        found = self._book.rows("SELECT count(*) AS n FROM reviewed")
+        return int(found[0]["n"]) if found else 0
+
+
+def spans(box: Box) -> tuple[range, range]:
+    """Columns and lines of the cells that a canvas box touches; at least one of each."""
+    left, top, right, bottom = ((edge + HALF_SPAN) / CELL for edge in box)
+    columns = range(math.floor(left), max(math.ceil(right), math.floor(left) + 1))
+    return columns, range(math.floor(top), max(math.ceil(bottom), math.floor(top) + 1))
+
+
+def cells_within(box: Box) -> list[tuple[int, int]]:
+    """The cells whose middle lies in a canvas box; if more than `MOST_CELLS`, one more than that."""
+    left, top, right, bottom = ((edge + HALF_SPAN) / CELL - 0.5 for edge in box)
+    columns = range(math.ceil(left), math.floor(right) + 1)
+    lines = range(math.ceil(top), math.floor(bottom) + 1)
+    if len(columns) * len(lines) > MOST_CELLS:
+        return [(0, 0)] * (MOST_CELLS + 1)
+    return [(x, y) for y in lines for x in columns]
+
+
+def seen_cells(table: FrameTable, island: int, box: Box) -> set[tuple[int, int]]:
+    """The cells within a canvas box that some painted frame covers or touches. Raises Unfit for too large a box."""
+    columns, lines = spans(box)
+    if len(columns) * len(lines) > MOST_ASKED:
+        raise Unfit(f"The box has more than {MOST_ASKED} cells: ask for a smaller one.")
+    seen: Coverage = np.zeros((len(lines), len(columns)), np.uint8)
+    for index in table.near(island, box):
+        outline = (table.outlines[index] + HALF_SPAN) / CELL - 0.5 - (columns[0], lines[0])
+        if np.isfinite(outline).all():
+            cv2.fillPoly(seen, [np.rint(outline * 256).clip(-(1 << 30), 1 << 30).astype(np.int32)], 1, shift=8)
+    return {(columns[int(x)], lines[int(y)]) for y, x in np.argwhere(seen)}
