@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gcs_mosaic.frames.decode import Unreadable, load_image
-from gcs_mosaic.render.canvas import Canvas
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.compositor import TileCompositor
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
 
 
-def painted_of(out: Path) -> Sequence[Painted]:
+def painted_of(out: Path) -> Sequence[RenderItem]:
     """How the ledger says that the frames of the first island are painted."""
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         return ledger.painted(0)
@@ -31,7 +31,7 @@ def assert_explained(out: Path, scratch: Path, fewest: int = 20) -> None:
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         originals = {frame.name: out / frame.original for frame in ledger.frames() if frame.original}
     scratch.mkdir(exist_ok=True)
-    canvas, writer = Canvas(lambda name: original(originals[name])), TileWriter(scratch, TileSettings())
+    canvas, writer = TileCompositor(lambda name: original(originals[name])), TileWriter(scratch, TileSettings())
     for one in painted_of(out):
         writer.write(canvas.paint(original(originals[one.name]), one), canvas.tile_later)
     canvas.close()

@@ -12,7 +12,7 @@ from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
-from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store import placements
 from gcs_mosaic.store.flight_store import StoreHooks, estimate_of_placement
@@ -72,7 +72,7 @@ def assert_tiles_show_the_ledger(pipeline: Pipeline, images: dict[str, np.ndarra
         (one for island in ledger.islands() for one in ledger.painted(island.id)), key=lambda one: one.order
     )
     scratch.mkdir()
-    with Canvas(images.get) as canvas, closing(TileWriter(scratch, TileSettings())) as writer:
+    with TileCompositor(images.get) as canvas, closing(TileWriter(scratch, TileSettings())) as writer:
         for one in painted:
             writer.write(canvas.paint(images[one.name], one), canvas.tile_later)
     for kind in ("tiles", "masks"):

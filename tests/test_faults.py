@@ -17,10 +17,10 @@ from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
-from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.pixels import FramePicture
-from gcs_mosaic.render.repaint_queue import Painter, PaintSettings
+from gcs_mosaic.render.render_list import RenderItem, TileKey
+from gcs_mosaic.render.repaint_queue import PaintSettings, RepaintQueue
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle import schedule as upkeep
 from gcs_mosaic.stitch.bundle.island import adjust_island
@@ -36,7 +36,9 @@ pytestmark = pytest.mark.long
 
 KINDS = (Fault, MemoryError, cv2.error, KeyboardInterrupt)
 FAULTS_PER_FRAME = 7
-CONFIG = Config(paint=PaintSettings(canvas=CanvasSettings(memory_mb=1)))  # nearly all tiles wait in the scratch file
+CONFIG = Config(
+    paint=PaintSettings(canvas=CompositorSettings(memory_mb=1))
+)  # nearly all tiles wait in the scratch file
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
 
 
 # What became of each frame, where it is painted, where it lies, and the files of the map.
-Map = tuple[list[tuple[str, FrameState, str | None]], list[Painted], list[Estimate], dict[Path, bytes]]
+Map = tuple[list[tuple[str, FrameState, str | None]], list[RenderItem], list[Estimate], dict[Path, bytes]]
 Undisturbed = tuple[Map, list[Counter[Event]]]
 
 
@@ -111,7 +113,7 @@ def test_the_flight_has_islands_and_frames_that_wait(undisturbed: Undisturbed) -
     assert len(painted) == 8
     assert len(files) > 20
     called = {event[0] for counts in calls for event in counts}
-    assert {"stitch/mapping/islands.py:Bridges.join", "app/pipeline/painting.py:Painting._paint_other"} <= called
+    assert {"stitch/mapping/islands.py:Bridges.join", "app/pipeline/render_stage.py:RenderStage._paint_other"} <= called
 
 
 def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(
@@ -166,19 +168,21 @@ def assert_taken_in(pipeline: Pipeline, name: str, state: FrameState) -> None:
 
 
 class Unpaintable:
-    """A painter that cannot paint a frame, so many times."""
+    """A renderer that cannot paint a frame, so many times."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str, times: int) -> None:
-        self.left, paint_new = times, Painter.paint_new
+        self.left, paint_new = times, RepaintQueue.paint_new
 
-        def failing(painter: Painter, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
-            changed = paint_new(painter, image, thumbnail, placement, order)
+        def failing(
+            queue: RepaintQueue, image: Bands, thumbnail: Bands, placement: Placement, order: int
+        ) -> set[TileKey]:
+            changed = paint_new(queue, image, thumbnail, placement, order)
             if placement.name == name and self.left:
                 self.left -= 1
                 raise cv2.error("no memory")
             return changed
 
-        monkeypatch.setattr(Painter, "paint_new", failing)
+        monkeypatch.setattr(RepaintQueue, "paint_new", failing)
 
 
 def processed(flown: Flown, flight: list[DecodedFrame]) -> dict[str, FrameState]:
@@ -222,10 +226,10 @@ def test_what_can_never_be_painted_is_said_and_given_up(
     assert {one.name for one in flown.map()[1]} == {prepared.frame.name for prepared in flight} - {"2.png"}
 
 
-def painter_of(flown: Flown) -> Painter:
-    painter = flown.pipeline._painter
-    assert isinstance(painter, Painter)
-    return painter
+def queue_of(flown: Flown) -> RepaintQueue:
+    queue = flown.pipeline._renderer
+    assert isinstance(queue, RepaintQueue)
+    return queue
 
 
 def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(
@@ -234,25 +238,25 @@ def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(
     for prepared in flight[:2]:
         flown.pipeline.accept(prepared.frame)
         flown.process(prepared)
-    painter = painter_of(flown)
-    everything = {key for name in ("0.png", "1.png") for key in painter.canvas._frames.tiles_of(name)}
-    painter.canvas._fall_behind(everything)
-    gallery = painter.canvas._gallery
-    picture = gallery.picture
+    queue = queue_of(flown)
+    everything = {key for name in ("0.png", "1.png") for key in queue.canvas._frames.tiles_of(name)}
+    queue.canvas._fall_behind(everything)
+    frame_cache = queue.canvas._frame_cache
+    picture = frame_cache.picture
 
-    def fails(painted: Painted) -> FramePicture | None:
+    def fails(painted: RenderItem) -> FramePicture | None:
         if painted.name == "1.png":
             raise cv2.error("broken")
         return picture(painted)
 
-    monkeypatch.setattr(gallery, "picture", fails)
-    painter.canvas._recipes.clear()
+    monkeypatch.setattr(frame_cache, "picture", fails)
+    queue.canvas._recipes.clear()
     while flown.pipeline.repaint_some():
         pass
     assert not flown.pipeline.has_repaints
     (notice,) = flown.said
     assert notice.text.startswith("a part of the map could not be repainted and stays as it is")
-    kept = [key[1] for key in painter.canvas._store._held if isinstance(key, tuple)]
+    kept = [key[1] for key in queue.canvas._store._held if isinstance(key, tuple)]
     assert kept
     assert not {"fresh", "fresh cells", "piece"} & set(kept)
 
@@ -260,20 +264,20 @@ def test_a_frame_that_cannot_be_repainted_costs_only_its_own_tiles(
 def test_one_step_that_fails_at_the_end_leaves_the_others(
     flight: list[DecodedFrame], flown: Flown, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    repaint = Canvas.repaint_step
+    repaint = TileCompositor.repaint_step
     failed: list[int] = []
 
-    def failing(canvas: Canvas, block: int) -> set[TileKey]:
+    def failing(canvas: TileCompositor, block: int) -> set[TileKey]:
         changed = repaint(canvas, block)
         if not failed:
             failed.append(block)
             raise MemoryError
         return changed
 
-    monkeypatch.setattr(Painter, "_take_final_looks", lambda painter: 1 / 0)
-    monkeypatch.setattr(Canvas, "repaint_step", failing)
+    monkeypatch.setattr(RepaintQueue, "_take_final_looks", lambda queue: 1 / 0)
+    monkeypatch.setattr(TileCompositor, "repaint_step", failing)
     processed(flown, flight)
-    assert painter_of(flown).canvas.behind == 0
+    assert queue_of(flown).canvas.behind == 0
     assert failed
     assert [text for notice in flown.said if "the final brightness" in (text := notice.text)]
 

@@ -96,7 +96,7 @@ def test_a_flight_that_is_ended_without_time_is_settled(
         closing(daemon._Daemon(_parts_of(config, opened), Console(quiet=True), ending)) as flown,
     ):
         process(flown._pipeline, flight)
-        monkeypatch.setattr(flown._pipeline._painting, "repaint_all", lambda placements: pytest.fail("no time"))
+        monkeypatch.setattr(flown._pipeline._render_stage, "repaint_all", lambda placements: pytest.fail("no time"))
         ending.stop.set()
         if hurry:
             ending.hurry.set()

@@ -22,7 +22,7 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 | `prepare` (pool of 2) | `waiting.prefetch` | nothing: has a file's bytes turned into pixels, and those into features |
 | process `decode` (2 at most) | `frames.decoding`, when frames are prepared | one file and its picture, until it is sent |
 | `register` (pool of 2) | `stitch.graph.candidates` | nothing: registers one pair of frames per task |
-| `paint` (pool of 2) | `render.canvas` | nothing: cells and pixels of tiles, one task each |
+| `paint` (pool of 2) | `render.compositor` | nothing: cells and pixels of tiles, one task each |
 | `tiles` (pool of 2) | `store.tiles` | the tile files being encoded and written |
 | `durability` | `store.durability` | nothing: syncs the ledger to disk |
 | `checkpoint` | `store.checkpoint` | the checkpoint files while one is written |

@@ -59,7 +59,7 @@ class SeenFrame:
     frame: ArchiveFrame
     key: str
     facts: FrameFacts
-    sight: str = ""
+    blend_maps: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame
-from gcs_mosaic.archive.kinds import FrameKind
+from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.look_up import NumberedFrame, PairBook
 from gcs_mosaic.archive.pairs import KnownPairs, Pair
 from gcs_mosaic.archive.stretches import placed_stretches, together

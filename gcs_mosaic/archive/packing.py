@@ -16,10 +16,10 @@ from typing import Any
 
 from gcs_mosaic.archive.arrivals import ArchiveFiles
 from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.exposure_compensation import CompensatedFrames, painted_frame, placements_of
 from gcs_mosaic.archive.features import SeenFrame, SetAside, frame_at, frame_of_file
 from gcs_mosaic.archive.files import files_at
 from gcs_mosaic.archive.islands import Assembled
-from gcs_mosaic.archive.light import Lit, painted_frame, placements_of
 from gcs_mosaic.archive.painting import ArchiveMap
 from gcs_mosaic.archive.sources import SourceFile
 from gcs_mosaic.archive.super_tiles import SuperTile, SuperTileLayout
@@ -27,8 +27,8 @@ from gcs_mosaic.archive.target import PACKING
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed
 from gcs_mosaic.messages import DamagedFile, Frame
-from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import Extent
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store import inside
@@ -60,7 +60,7 @@ class Reprocessed:
     aside: list[SetAside]
     assembled: Assembled
     held_out: dict[int, HeldOut]  # held-out error by island
-    lit: Lit
+    compensated: CompensatedFrames
     map: ArchiveMap
 
 
@@ -112,11 +112,11 @@ def _note_outcomes(store: FlightStore, found: Reprocessed) -> None:
 
 
 def _note_places(store: FlightStore, engine: Engine, found: Reprocessed) -> None:
-    lit, part = found.lit, 0
-    for number, one in enumerate(lit.frames):
-        part += number >= lit.starts[part + 1]
+    compensated, part = found.compensated, 0
+    for number, one in enumerate(compensated.frames):
+        part += number >= compensated.starts[part + 1]
         placement = placements_of(engine.artefacts, one.placements)[one.place]
-        painted = painted_frame(engine.artefacts, one, lit.key, part, number - lit.starts[part])
+        painted = painted_frame(engine.artefacts, one, compensated.key, part, number - compensated.starts[part])
         store.note_placed([placement])
         store.note_painted(painted)
 

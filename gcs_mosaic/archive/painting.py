@@ -1,7 +1,7 @@
 """Stages 12 and 13: super-tiles are painted, each by itself, and coarser ones made of finer ones.
 
-A tile is a pure function of the frames around it (`render.canvas`), so a super-tile is painted from those alone, whatever else is
-painted, where and when.
+A tile is a pure function of the frames around it (`render.compositor`), so a super-tile is painted from those alone, whatever
+else is painted, where and when.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import numpy as np
 
 from gcs_mosaic.archive.artefacts import Artefacts, unpacked
 from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.exposure_compensation import BookedFrame, CompensatedFrames, book_of, painted_frame
 from gcs_mosaic.archive.features import image_of
-from gcs_mosaic.archive.light import BookedFrame, Lit, book_of, painted_frame
 from gcs_mosaic.archive.super_tiles import Footprint, SuperTile, SuperTileLayout, footprint, layout_of
 from gcs_mosaic.archive.tasks import Parts, Passing, scratch_folder, task
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
-from gcs_mosaic.render.looks import Sight
+from gcs_mosaic.render.blend_maps import BlendMaps
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.overviews import assemble, composite, shrink
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands
@@ -35,7 +35,7 @@ from gcs_mosaic.store.tiles import encode_jpeg, encode_mask
 
 MOST_HALF_BYTES = 1 << 22  # of a tile's half: no tile has more pixels
 Packed = tuple[bytes, bytes | None, bytes, tuple[int, int]]  # colour, coverage, weight and its shape
-Places = tuple[str, str, tuple[int, ...]]  # see `Lit`: book, looks, where the parts of these begin
+Places = tuple[str, str, tuple[int, ...]]  # see `CompensatedFrames`: book, looks, where the parts of these begin
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +51,14 @@ class ArchiveMap:
 class HowPainted:
     """All that a super-tile depends on beside frames."""
 
-    canvas: CanvasSettings
+    canvas: CompositorSettings
     jpeg_quality: int
     reduction: int
     max_pixels: int
     side: int
 
 
-def painted_map(engine: Engine, found: Lit, config: Config, side: int) -> ArchiveMap:
+def painted_map(engine: Engine, found: CompensatedFrames, config: Config, side: int) -> ArchiveMap:
     """Paint everything."""
     how = HowPainted(config.paint.canvas, config.tiles.jpeg_quality, config.reduction, config.frames.max_pixels, side)
     places: Places = (found.book, found.key, found.starts)
@@ -124,7 +124,7 @@ def _own(
     book, key, starts = places
     booked = list(book_of(artefacts, book).values())
     by_name: dict[str, BookedFrame] = {}
-    painted: list[Painted] = []
+    painted: list[RenderItem] = []
     for number in frames:
         part = bisect(starts, number) - 1
         painted.append(painted_frame(artefacts, booked[number], key, part, number - starts[part]))
@@ -132,11 +132,11 @@ def _own(
     load = partial(_load, by_name, how)
     with (
         tempfile.TemporaryDirectory(prefix="painting-", dir=scratch_folder(), ignore_cleanup_errors=True) as scratch,
-        Canvas(load, replace(how.canvas, threads=1), scratch=Path(scratch)) as canvas,
+        TileCompositor(load, replace(how.canvas, threads=1), scratch=Path(scratch)) as canvas,
     ):
         for frame in painted:
-            if (sight := _sight(artefacts, by_name[frame.name])) is not None:
-                canvas.know(frame.name, sight)
+            if (maps := _blend_maps(artefacts, by_name[frame.name])) is not None:
+                canvas.know(frame.name, maps)
         canvas.move(painted)
         canvas.confine((one.island, tile) for tile in one.tiles(how.side))
         for _ in canvas.repaint():
@@ -147,8 +147,8 @@ def _own(
     return {tile: layer for tile, layer in layers.items() if layer is not None}
 
 
-def _sight(artefacts: Artefacts, one: BookedFrame) -> Sight | None:
-    found: Sight | None = artefacts.part(one.frame.sight, "sight")
+def _blend_maps(artefacts: Artefacts, one: BookedFrame) -> BlendMaps | None:
+    found: BlendMaps | None = artefacts.part(one.frame.blend_maps, "maps")
     return found
 
 

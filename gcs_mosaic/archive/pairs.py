@@ -10,7 +10,7 @@ import numpy as np
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, whole_features
-from gcs_mosaic.archive.kinds import FrameKind
+from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.retrieval import Described
 from gcs_mosaic.archive.tasks import Made, Parts, StageTask, task
 from gcs_mosaic.stitch.arrays import AnyPairsNx2, Matrix3x3, Points32Nx2, PointsNx2

@@ -12,9 +12,9 @@ import numpy as np
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.cameras import by_camera
 from gcs_mosaic.archive.engine import Engine
+from gcs_mosaic.archive.exposure_compensation import BookedFrame, book_of, booked_frames, placements_of, uncompensated
 from gcs_mosaic.archive.features import SeenFrame
-from gcs_mosaic.archive.kinds import FrameKind
-from gcs_mosaic.archive.light import BookedFrame, book_of, booked_frames, placements_of, unlit
+from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.render.agreement import counts_overlap_of
 from gcs_mosaic.render.brightness import CountOverlap
@@ -61,7 +61,7 @@ def count_overlaps(artefacts: Artefacts, book: str, first: int, stop: int) -> Pa
 
 def _overlap(artefacts: Artefacts, one: BookedFrame, other: BookedFrame) -> list[CountOverlap]:
     """None or one."""
-    new, beside = (replace(unlit(artefacts, booked), relief=None) for booked in (one, other))
+    new, beside = (replace(uncompensated(artefacts, booked), relief=None) for booked in (one, other))
     if one.frame.facts.kind != other.frame.facts.kind or new.island != beside.island:
         return []
     small, beside_small = (artefacts.part(booked.frame.key, "thumbnail") for booked in (one, other))

@@ -12,14 +12,15 @@ from pathlib import Path
 from gcs_mosaic.archive.adjustment import adjusted_islands
 from gcs_mosaic.archive.arrivals import arrivals_of
 from gcs_mosaic.archive.artefacts import Lost
+from gcs_mosaic.archive.blend_maps import looked_at
 from gcs_mosaic.archive.cluster import workers_at
 from gcs_mosaic.archive.engine import AGAIN, Engine
+from gcs_mosaic.archive.exposure_compensation import compensated
 from gcs_mosaic.archive.features import features_of
 from gcs_mosaic.archive.files import is_bucket
 from gcs_mosaic.archive.fixed_patterns import without_pattern
+from gcs_mosaic.archive.frame_kinds import kinds_of
 from gcs_mosaic.archive.islands import assembled, numbered_frames
-from gcs_mosaic.archive.kinds import kinds_of
-from gcs_mosaic.archive.light import lit
 from gcs_mosaic.archive.packing import Outcome, Reprocessed, beside, move_into_place, packed, upload
 from gcs_mosaic.archive.painting import painted_map
 from gcs_mosaic.archive.pairs import registered
@@ -27,7 +28,6 @@ from gcs_mosaic.archive.progress import Progress
 from gcs_mosaic.archive.ranges import with_ranges
 from gcs_mosaic.archive.relief import with_relief
 from gcs_mosaic.archive.retrieval import pairs_of
-from gcs_mosaic.archive.sights import looked_at
 from gcs_mosaic.archive.sources import Sources, sources_of
 from gcs_mosaic.archive.stretches import STRETCH
 from gcs_mosaic.archive.super_tiles import SIDE
@@ -120,7 +120,7 @@ def reprocessed(engine: Engine, sources: Sources, config: Config, request: Reque
     held_out = measured(engine, adjusted, [key for key, _ in chunks], config.stitch.adjustment.relief)
     kinds = with_ranges(engine, seen, kinds, chunks, config.paint)
     seen = looked_at(engine, seen, kinds, config)
-    bright = lit(engine, seen, kinds, chunks, config.paint)
+    bright = compensated(engine, seen, kinds, chunks, config.paint)
     painted = painted_map(engine, bright, config, request.side)
     return Reprocessed(arrivals, seen, aside, found, held_out, bright, painted)
 

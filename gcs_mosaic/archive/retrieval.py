@@ -16,7 +16,7 @@ import numpy as np
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, strongest_of
-from gcs_mosaic.archive.kinds import FrameKind
+from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexRows, Indices, Vector32
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from gcs_mosaic.render.cells import around
-from gcs_mosaic.render.painted import GUEST_LEVELS, Extent, Painted
-from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.frame_warp import frame_warp
 from gcs_mosaic.render.pyramid import top_level
+from gcs_mosaic.render.render_list import INSET_LEVELS, Extent, RenderItem
 from gcs_mosaic.render.tile_grid import Box, Tile, join, tile_box
 
 SIDE = 16  # tiles along a super-tile
@@ -55,9 +55,9 @@ class Footprint:
     near: frozenset[SuperTile]
 
 
-def footprint(painted: Painted, side: int) -> Footprint | None:
+def footprint(painted: RenderItem, side: int) -> Footprint | None:
     """Of a frame; None where it sees no ground."""
-    frame = placed(painted)
+    frame = frame_warp(painted)
     if frame is None:
         return None
     island, tiles = painted.island, [tile for tile in frame.lattice.tiles() if tile.z == painted.level]
@@ -65,7 +65,7 @@ def footprint(painted: Painted, side: int) -> Footprint | None:
         return None
     near = around(around((island, tile) for tile in tiles))
     reached, level = {super_tile_of(island, tile, side) for _, tile in near}, near
-    for _ in range(GUEST_LEVELS):  # a guest shows on finer tiles
+    for _ in range(INSET_LEVELS):  # an inset shows on finer tiles
         level = {(island, child) for _, tile in level for child in tile.children}
         reached |= {super_tile_of(island, tile, side) for _, tile in level}
     xs, ys = [tile.x for tile in tiles], [tile.y for tile in tiles]

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import Extent
 from gcs_mosaic.render.tile_grid import (
     BASE_LEVEL,
     HALF_SPAN,

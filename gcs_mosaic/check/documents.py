@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.check.findings import CheckedPart
-from gcs_mosaic.render.painted import Extent
+from gcs_mosaic.render.render_list import Extent
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.documents import Document, iso_utc, write_json

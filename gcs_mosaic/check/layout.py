@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
-from gcs_mosaic.render.canvas import Canvas
 from gcs_mosaic.render.cells import around
-from gcs_mosaic.render.painted import GUEST_LEVELS, Extent, Painted, TileKey
-from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.compositor import TileCompositor
+from gcs_mosaic.render.frame_warp import frame_warp
+from gcs_mosaic.render.render_list import INSET_LEVELS, Extent, RenderItem, TileKey
 from gcs_mosaic.render.tile_grid import ancestor
 
 
@@ -33,7 +33,7 @@ class Layout:
         own = set[TileKey]().union(*(self.touched[name] for name in gone if name in self.touched))
         near = around(around(own))
         below = near
-        for _ in range(GUEST_LEVELS):
+        for _ in range(INSET_LEVELS):
             below = {(island, child) for island, tile in below for child in tile.children}
             near = near | below
         return self._with_overviews(near)
@@ -48,12 +48,12 @@ class Layout:
             yield from ((island, ancestor(tile, level)) for level in range(self.extents[island].coarsest, tile.z))
 
 
-def layout_of(painted: Iterable[Painted]) -> Layout:
+def layout_of(painted: Iterable[RenderItem]) -> Layout:
     """Where these frames are painted."""
     frames = list(painted)
     touched, filled = dict[str, frozenset[TileKey]](), dict[str, frozenset[TileKey]]()
     for one in frames:
-        frame = placed(one)
+        frame = frame_warp(one)
         if frame is not None:
             lattice = frame.lattice
             tiles = [tile for tile in lattice.tiles() if tile.z == one.level]
@@ -63,8 +63,8 @@ def layout_of(painted: Iterable[Painted]) -> Layout:
     return Layout(touched, filled, _extents(frames))
 
 
-def _extents(frames: list[Painted]) -> dict[int, Extent]:
-    with Canvas(lambda name: None) as canvas:
+def _extents(frames: list[RenderItem]) -> dict[int, Extent]:
+    with TileCompositor(lambda name: None) as canvas:
         canvas.resume(frames)
         found = {island: canvas.extent(island) for island in {one.island for one in frames}}
     return {island: extent for island, extent in found.items() if extent is not None}

@@ -18,9 +18,9 @@ import numpy as np
 from gcs_mosaic.check.findings import CheckedPart, Progress
 from gcs_mosaic.check.layout import Layout, layout_of
 from gcs_mosaic.frames.decode import Unreadable, decode_image
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
-from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import RenderItem, TileKey
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.ledger import Ledger
@@ -51,10 +51,10 @@ class PaintedMap:
     """What the ledger says of a flight's tiles; `gone` are the painted frames whose originals cannot be read."""
 
     flight: Path
-    painted: Sequence[Painted]
+    painted: Sequence[RenderItem]
     frames: dict[str, FrameRecord]
     reductions: dict[str, int]  # at which frames were painted, by name
-    settings: CanvasSettings
+    settings: CompositorSettings
     layout: Layout
     gone: frozenset[str]
 
@@ -75,7 +75,7 @@ def painted_map(flight: Path, ledger: Ledger, damaged: Collection[str]) -> Paint
     frames = {frame.name: frame for frame in ledger.frames()}
     gone = {one.name for one in painted if frames[one.name].original is None or one.name in damaged}
     reductions = {one.name: round((frames[one.name].width or one.camera.width) / one.camera.width) for one in painted}
-    settings = record.canvas if record else CanvasSettings()
+    settings = record.canvas if record else CompositorSettings()
     return PaintedMap(flight, painted, frames, reductions, settings, layout_of(painted), frozenset(gone))
 
 
@@ -159,7 +159,7 @@ def _repainted(shown: PaintedMap, progress: Progress) -> Iterator[Iterator[tuple
     """All tiles as ledger and originals say, but those that need an original that is gone."""
     with (
         TemporaryDirectory(prefix="gcs-mosaic-check-", ignore_cleanup_errors=True) as scratch,
-        Canvas(shown.load, shown.settings, scratch=Path(scratch)) as canvas,
+        TileCompositor(shown.load, shown.settings, scratch=Path(scratch)) as canvas,
     ):
         canvas.move(shown.painted)
         all_tiles = canvas.behind

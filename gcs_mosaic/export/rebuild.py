@@ -11,10 +11,10 @@ from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable, decode_image
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
-from gcs_mosaic.render.painted import Extent, Painted
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.pixels import KeepBands
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import Extent, RenderItem
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands, Coverage
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -30,11 +30,11 @@ class RebuildSource:
     """Inputs for rebuilding an island. Frames of another kind (bands, depth) than most, and those whose originals are gone, are
     left out."""
 
-    frames: Sequence[Painted]
+    frames: Sequence[RenderItem]
     flight: Path
     records: dict[str, FrameRecord]  # of those frames, by name
     reductions: dict[str, int]  # at which the frames were painted, by name
-    canvas: CanvasSettings
+    canvas: CompositorSettings
     of_another_kind: int
     gone: int
 
@@ -48,7 +48,7 @@ class RebuildSource:
 class RebuiltTiles:
     """The tiles of an island, as `hole_filling.Tiles`."""
 
-    def __init__(self, canvas: Canvas, island: int, extent: Extent) -> None:
+    def __init__(self, canvas: TileCompositor, island: int, extent: Extent) -> None:
         self.island, self.extent = island, extent
         self._picture = lru_cache(KEPT_TILES)(lambda tile: canvas.tile(island, tile))
 
@@ -81,7 +81,7 @@ def source_of(flight: Path, island: int) -> RebuildSource:
         flight=flight,
         records={one.name: frames[one.name] for one in there},
         reductions={one.name: _reduction(one, frames[one.name]) for one in there},
-        canvas=record.canvas if record else CanvasSettings(),
+        canvas=record.canvas if record else CompositorSettings(),
         of_another_kind=len(painted) - len(of_kind),
         gone=len(of_kind) - len(there),
     )
@@ -91,7 +91,7 @@ def source_of(flight: Path, island: int) -> RebuildSource:
 def rebuilt(source: RebuildSource, keep_bands: KeepBands, scratch: Path) -> Iterator[RebuiltTiles]:
     """The island's tiles with all bands; `scratch` is a folder for what does not fit into memory."""
     island = source.frames[0].island
-    with Canvas(source.load, source.canvas, scratch=scratch, keep_bands=keep_bands) as canvas:
+    with TileCompositor(source.load, source.canvas, scratch=scratch, keep_bands=keep_bands) as canvas:
         canvas.move(source.frames)
         for _ in canvas.repaint():
             pass
@@ -100,5 +100,5 @@ def rebuilt(source: RebuildSource, keep_bands: KeepBands, scratch: Path) -> Iter
         yield RebuiltTiles(canvas, island, extent)
 
 
-def _reduction(painted: Painted, frame: FrameRecord) -> int:
+def _reduction(painted: RenderItem, frame: FrameRecord) -> int:
     return round((frame.width or painted.camera.width) / painted.camera.width)

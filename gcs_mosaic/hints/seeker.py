@@ -20,7 +20,7 @@ from gcs_mosaic.hints.hint_places import hint_places
 from gcs_mosaic.hints.other_looks import UNJUDGED, OtherLooks
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.hints.sought import SoughtColour, of_colour
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import ImageBGR, PointsNx2
 from gcs_mosaic.views.flight_view import FlightView, pixels_of, places_of
 from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, displayed
@@ -39,7 +39,7 @@ class AnalysedFrame:
     """A frame that is searched now; `reduction`: pixels of the original per analysed pixel, each way."""
 
     number: int
-    painted: Painted
+    painted: RenderItem
     content_hash: str | None
     reduction: int
     picture: ImageBGR

@@ -16,7 +16,7 @@ from gcs_mosaic.render.exposure import (
     seen_from,
     solve_gains,
 )
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.stitch.arrays import Bands, Levels, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
@@ -25,12 +25,12 @@ SATURATED = 65_535  # counts
 Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
 
 
-def overlap_of(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> OverlapMeans | None:
+def overlap_of(i: RenderItem, small_i: Levels, j: RenderItem, small_j: Levels) -> OverlapMeans | None:
     """Overlap of two frames in their thumbnails (h, w, bands) in grey levels; None if empty."""
     return overlap_means(small_i, small_j, _mapping(i, small_i, j, small_j))
 
 
-def counts_overlap_of(i: Painted, small_i: Bands, j: Painted, small_j: Bands) -> CountsInOverlap | None:
+def counts_overlap_of(i: RenderItem, small_i: Bands, j: RenderItem, small_j: Bands) -> CountsInOverlap | None:
     """What two frames have in common in their thumbnails (h, w, bands) of counts; None if next to nothing."""
     counts_i, counts_j = small_i.astype(np.float32), small_j.astype(np.float32)
     _, _, seen, shared = seen_from(counts_i, counts_j, _mapping(i, counts_i, j, counts_j))
@@ -39,7 +39,7 @@ def counts_overlap_of(i: Painted, small_i: Bands, j: Painted, small_j: Bands) ->
     return counts_in_overlap(counts_i[shared], seen[shared].astype(np.float32))
 
 
-def _mapping(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Callable[[PointsNx2], PointsNx2]:
+def _mapping(i: RenderItem, small_i: Levels, j: RenderItem, small_j: Levels) -> Callable[[PointsNx2], PointsNx2]:
     """From pixels (n, 2) of a thumbnail to those of another, NaN for nowhere."""
     scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
 
@@ -53,7 +53,7 @@ def _mapping(i: Painted, small_i: Levels, j: Painted, small_j: Levels) -> Callab
     return j_from_i
 
 
-def _is_alive(painted: Painted, scale: float, pixels: PointsNx2, thumbnail: Levels) -> Mask:
+def _is_alive(painted: RenderItem, scale: float, pixels: PointsNx2, thumbnail: Levels) -> Mask:
     """Which pixels (n, 2) of a thumbnail, or places between them, depend on live pixels without an overlay only."""
     height, width = thumbnail.shape[:2]
     alive = painted.dead.scaled(1 / scale).spares(pixels, width, height)
@@ -61,10 +61,13 @@ def _is_alive(painted: Painted, scale: float, pixels: PointsNx2, thumbnail: Leve
 
 
 def agreed_gains(
-    frames: Iterable[Painted], overlaps: Sequence[Overlap], curves: Mapping[str, Vignetting], settings: ExposureSettings
+    frames: Iterable[RenderItem],
+    overlaps: Sequence[Overlap],
+    curves: Mapping[str, Vignetting],
+    settings: ExposureSettings,
 ) -> dict[str, Gain]:
     """The gain of each frame from all overlaps; `curves`: vignetting by name."""
-    kinds: dict[tuple[int, bool], list[Painted]] = {}  # frames of different kinds are not comparable in exposure
+    kinds: dict[tuple[int, bool], list[RenderItem]] = {}  # frames of different kinds are not comparable in exposure
     for painted in frames:
         kinds.setdefault(painted.display.kind, []).append(painted)
     gains: dict[str, Gain] = {}

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs_mosaic.render import edges, seams
+from gcs_mosaic.render.blend_maps import BlendMaps, Of
 from gcs_mosaic.render.cells import OPEN, Cells, Owned, Seen, Window
-from gcs_mosaic.render.guests import Admit, admit
-from gcs_mosaic.render.looks import Of, Sight
-from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.frame_warp import FrameWarp
+from gcs_mosaic.render.insets import Admit, admit
 from gcs_mosaic.render.sampling import hindrance, inside, lattice_part
 from gcs_mosaic.render.seam_path import hard
 from gcs_mosaic.stitch.arrays import ImageBGR, Lattice
@@ -28,17 +28,17 @@ class Mode:
     seams. `sharp`: whether each cell belongs to one frame.
     """
 
-    see: Callable[[PlacedFrame, Sight | None, Window], Seen]
+    see: Callable[[FrameWarp, BlendMaps | None, Window], Seen]
     decide: Callable[[Cells, Seen], Lattice]
     own: Callable[[Cells], Owned]
-    look: Callable[[ImageBGR, Of], Sight] | None = None
+    look: Callable[[ImageBGR, Of], BlendMaps] | None = None
     planes: int = 0
     admit: Admit | None = None
     toned: bool = False
     sharp: bool = True
 
 
-def _just_there(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
+def _just_there(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
     where = lattice_part(frame.lattice, window)
     covered = inside(frame.lattice, where)
     return Seen(covered, -hindrance(frame.lattice, where, covered), np.zeros((0, *covered.shape), np.uint8))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from gcs_mosaic.render.agreement import Overlap, agreed_gains, counts_overlap_of, overlap_of
 from gcs_mosaic.render.count_steps import CountsInOverlap, CountStep, step_beside
 from gcs_mosaic.render.exposure import ExposureSettings, Gain, OverlapMeans, gain_beside, is_false_colour
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
@@ -42,7 +42,11 @@ class Brightness(Kept):
         self._carriers: dict[str, Aircraft] = {}  # of each frame's camera
 
     def step_of(
-        self, new: Painted, thumbnail: Bands, beside: Iterable[tuple[Painted, CountStep]], aircraft: Aircraft = None
+        self,
+        new: RenderItem,
+        thumbnail: Bands,
+        beside: Iterable[tuple[RenderItem, CountStep]],
+        aircraft: Aircraft = None,
     ) -> CountStep:
         """How the counts of a new frame compare to those of frames `beside` it with known steps; kept for the end."""
         camera = aircraft, size_of(new), thumbnail.shape[2]
@@ -55,7 +59,9 @@ class Brightness(Kept):
                     found.append((counts, step))
         return step_beside(found, thumbnail.shape[2])
 
-    def settled(self, new: Painted, thumbnail: Bands, beside: Iterable[Painted], aircraft: Aircraft = None) -> Painted:
+    def settled(
+        self, new: RenderItem, thumbnail: Bands, beside: Iterable[RenderItem], aircraft: Aircraft = None
+    ) -> RenderItem:
         """A frame with gain and vignetting that match painted frames beside it; used as a reference from now on. Another
         `aircraft` has another lens."""
         self._thumbnails[new.name], self._carriers[new.name] = thumbnail, aircraft
@@ -71,7 +77,7 @@ class Brightness(Kept):
         self._overlaps = [one for one in self._overlaps if name not in one[:2]]
         self.counts = [one for one in self.counts if name not in one[:2]]
 
-    def compare_again(self, painted: Mapping[str, Painted], names: Container[str]) -> None:
+    def compare_again(self, painted: Mapping[str, RenderItem], names: Container[str]) -> None:
         """Recompute overlaps of these frames, whose dead borders or displays have changed.
 
         After a merge two frames may be painted on different islands for a while: their overlap is kept.
@@ -83,24 +89,24 @@ class Brightness(Kept):
             kept += [] if again is None else [(i, j, again.without_sums())]
         self._overlaps = kept
 
-    def final(self, painted: Mapping[str, Painted]) -> dict[str, tuple[Gain, Vignetting]]:
+    def final(self, painted: Mapping[str, RenderItem]) -> dict[str, tuple[Gain, Vignetting]]:
         """Gain and vignetting of each frame from all overlaps."""
         curves = {name: self.curves_of(one) for name, one in painted.items()}
         gains = agreed_gains(painted.values(), self._overlaps, curves, self._exposure)
         return {name: (gains[name], curves[name]) for name in painted}
 
-    def curves_of(self, painted: Painted) -> Vignetting:
+    def curves_of(self, painted: RenderItem) -> Vignetting:
         """The estimated vignetting of a frame's camera."""
         return self._estimates.get(self.camera_of(painted), self._no_estimate).curves
 
-    def camera_of(self, painted: Painted) -> Camera:
+    def camera_of(self, painted: RenderItem) -> Camera:
         """The camera of a frame whose brightness was settled."""
         return self._carriers[painted.name], size_of(painted), len(painted.display.black)
 
-    def _find_overlaps(self, new: Painted, beside: Iterable[Painted]) -> list[tuple[OverlapMeans, Painted]]:
+    def _find_overlaps(self, new: RenderItem, beside: Iterable[RenderItem]) -> list[tuple[OverlapMeans, RenderItem]]:
         """Overlaps of a new frame with others of the same kind; kept for the end, and used for vignetting if one aircraft took
         both."""
-        found: list[tuple[OverlapMeans, Painted]] = []
+        found: list[tuple[OverlapMeans, RenderItem]] = []
         for painted in beside:
             if painted.island == new.island and painted.display.kind == new.display.kind:
                 means = self._overlap(new, painted)
@@ -112,7 +118,7 @@ class Brightness(Kept):
                         self._estimates[camera] = self._estimates.get(camera, self._no_estimate).after(means.radial)
         return found
 
-    def _overlap(self, one: Painted, other: Painted) -> OverlapMeans | None:
+    def _overlap(self, one: RenderItem, other: RenderItem) -> OverlapMeans | None:
         """Excludes borders known to be dead, even if still painted."""
         if not self._false_colour.isdisjoint((one.name, other.name)):
             return None
@@ -121,5 +127,5 @@ class Brightness(Kept):
         return overlap_of(i, small_i, j, small_j)
 
 
-def size_of(painted: Painted) -> Size:
+def size_of(painted: RenderItem) -> Size:
     return painted.camera.width, painted.camera.height

@@ -12,7 +12,7 @@ from gcs_mosaic.render.brightness import Camera, CountOverlap
 from gcs_mosaic.render.count_steps import CountStep, agreed_steps, no_step
 from gcs_mosaic.render.counts_range import Sketch, are_far_above_zero, sketch_of
 from gcs_mosaic.render.display import Display, camera_display, display_of
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.transaction import Kept
 
@@ -52,7 +52,7 @@ class CameraRanges(Kept):
     def step(self, name: str) -> CountStep:
         return self._steps[name]
 
-    def of(self, painted: Painted) -> Display:
+    def of(self, painted: RenderItem) -> Display:
         """How a frame is to be displayed now."""
         if painted.name not in self._sketches:
             return painted.display
@@ -81,7 +81,7 @@ class CameraRanges(Kept):
         return present is not None
 
     def settle(
-        self, camera: Camera, overlaps: Sequence[CountOverlap], painted: Mapping[str, Painted]
+        self, camera: Camera, overlaps: Sequence[CountOverlap], painted: Mapping[str, RenderItem]
     ) -> dict[str, Display]:
         """The final displays of a camera's frames, from all they have in common; of those that look as they are painted, the
         present ones."""

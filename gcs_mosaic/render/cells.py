@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from gcs_mosaic.render.painted import TileKey
+from gcs_mosaic.render.render_list import TileKey
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.render.warp_grid import FrameLattice
 from gcs_mosaic.stitch.arrays import AnyArray, CellFlags, FrameNumbers, Lattice, Mask, Planes, Share

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, on_plane
 from gcs_mosaic.stitch.graph.placement import Placement
 
 
-def displacement(painted: Painted, placement: Placement) -> float:
+def displacement(painted: RenderItem, placement: Placement) -> float:
     """Maximum displacement of the painted frame from its placement, in the frame's own pixels."""
     if painted.island != placement.island:
         return np.inf

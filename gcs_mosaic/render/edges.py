@@ -10,10 +10,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from gcs_mosaic.render.blend_maps import BlendMaps, Of
 from gcs_mosaic.render.blending import LEAST_WEIGHT
 from gcs_mosaic.render.cells import NOBODY, WHOLLY, Cells, Owned, Seen, Window
-from gcs_mosaic.render.looks import Of, Sight
-from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.sampling import at_cells, hindrance, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.warp import shrunk
 from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, Lattice
@@ -48,18 +48,18 @@ def _edges(grey: ImageGrey) -> ImageGrey:
     return np.asarray(cv2.Canny(dx, dy, high / 2.5, high), dtype=np.uint8)
 
 
-def look_for_edges(look: ImageBGR, of: Of) -> Sight:
+def look_for_edges(look: ImageBGR, of: Of) -> BlendMaps:
     """What is kept of a frame's image: its edge density."""
     density = edge_density(look)
-    return Sight(of, (np.asarray(np.rint(density * 255), np.uint8),))
+    return BlendMaps(of, (np.asarray(np.rint(density * 255), np.uint8),))
 
 
-def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
+def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
     """A frame's contribution to the cells of a window: log weight and edge density."""
-    assert sight is not None, "edges need a look"
+    assert maps is not None, "edges need a look"
     where = lattice_part(frame.lattice, window)
     pixels, weight = at_cells(frame.lattice.pixels[where]), at_cells(frame.lattice.weight[where])
-    density = sampled(sight.planes[0], places_in(pixels, frame.lattice, sight.planes[0].shape))
+    density = sampled(maps.planes[0], places_in(pixels, frame.lattice, maps.planes[0].shape))
     covered = inside(frame.lattice, where)
     score = np.log(np.maximum(weight, LEAST_WEIGHT)) - hindrance(frame.lattice, where, covered)
     return Seen(covered, np.asarray(score, np.float32), density.reshape(1, *weight.shape))

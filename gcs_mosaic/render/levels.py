@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import level_among
 from gcs_mosaic.render.warp_grid import resolved
 from gcs_mosaic.stitch.transaction import Kept
@@ -26,7 +26,7 @@ class PaintingLevels(Kept):
         """A frame that is painted no more."""
         self._seen.pop(name, None)
 
-    def settled(self, painted: Painted) -> Painted:
+    def settled(self, painted: RenderItem) -> RenderItem:
         """The frame with its painting level, 0 if it sees no ground; a reference for others from now on."""
         gsd = resolved(painted.pose, painted.camera)
         if gsd is None:

@@ -12,8 +12,8 @@ import numpy as np
 from gcs_mosaic.render.blending import blended, blended_bands
 from gcs_mosaic.render.cells import CELL
 from gcs_mosaic.render.exposure import apply_gain
-from gcs_mosaic.render.painted import Painted
-from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.frame_warp import FrameWarp
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.render.tone import FINE
@@ -82,7 +82,7 @@ class FramePicture:
     bands: Bands | None
 
 
-def frame_picture(image: Bands, painted: Painted, keep: KeepBands) -> FramePicture:
+def frame_picture(image: Bands, painted: RenderItem, keep: KeepBands) -> FramePicture:
     """`image`: (h, w, bands) uint8 or uint16, ValueError if it does not match the frame's camera and display."""
     size, display = (painted.camera.height, painted.camera.width), painted.display
     if image.shape[:2] != size or not display.fits(image) or image.dtype not in (np.uint8, np.uint16):
@@ -93,7 +93,7 @@ def frame_picture(image: Bands, painted: Painted, keep: KeepBands) -> FramePictu
 
 
 def piece(
-    frame: PlacedFrame, picture: FramePicture, tile: Tile, part: Part | None, interpolation: int, keep: KeepBands
+    frame: FrameWarp, picture: FramePicture, tile: Tile, part: Part | None, interpolation: int, keep: KeepBands
 ) -> Piece | None:
     """A frame's part of a tile, or all it has of it (`part` None); None if it has nothing there."""
     place = WHOLE if part is None else part.place

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs_mosaic.render.cells import NOBODY, Owned, Window
-from gcs_mosaic.render.painted import Painted, TileKey
 from gcs_mosaic.render.pixels import Part
+from gcs_mosaic.render.render_list import RenderItem, TileKey
 from gcs_mosaic.render.tone import SQUARES
 from gcs_mosaic.stitch.arrays import FrameNumbers, ToneShifts
 
-Recipe = tuple[bytes, tuple[Painted, ...]]  # everything a tile's pixels depend on, except the originals
+Recipe = tuple[bytes, tuple[RenderItem, ...]]  # everything a tile's pixels depend on, except the originals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ def planned(
     owned: Owned,
     window: Window,
     shifts: Mapping[int, tuple[Window, ToneShifts]],
-    frames_on: Callable[[TileKey], Mapping[int, Painted]],
+    frames_on: Callable[[TileKey], Mapping[int, RenderItem]],
     sharp: bool,
 ) -> dict[TileKey, Plan]:
     """Plans of tiles within the window less one tile on each side. `frames_on`: frames of a tile, by number, in capture order."""
@@ -47,7 +47,7 @@ def _plan(
     owned: Owned,
     window: Window,
     shifts: Mapping[int, tuple[Window, ToneShifts]],
-    frames: Mapping[int, Painted],
+    frames: Mapping[int, RenderItem],
     sharp: bool,
 ) -> Plan:
     parts: dict[str, Part] = {}

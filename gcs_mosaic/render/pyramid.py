@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.overviews import assemble, composite, shrink
-from gcs_mosaic.render.painted import Extent, TileKey
+from gcs_mosaic.render.render_list import Extent, TileKey
 from gcs_mosaic.render.spread import spread
 from gcs_mosaic.render.tile_cache import Layer, Store, make_layer
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box, Tile, overview_level, tiles_over

@@ -14,13 +14,13 @@ import numpy as np
 
 from gcs_mosaic.render.brightness import Aircraft, Brightness, Camera
 from gcs_mosaic.render.camera_ranges import CameraRanges
-from gcs_mosaic.render.canvas import BLOCK, Canvas, CanvasSettings
+from gcs_mosaic.render.compositor import BLOCK, CompositorSettings, TileCompositor
 from gcs_mosaic.render.displacement import displacement
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.levels import PaintingLevels
-from gcs_mosaic.render.painted import Painted, TileKey, brightness_apart
 from gcs_mosaic.render.pyramid import LoadTile
+from gcs_mosaic.render.render_list import RenderItem, TileKey, brightness_apart
 from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
@@ -44,7 +44,7 @@ LIVE_BLOCK = 12  # tiles a side repainted together during a flight: writing them
 class PaintSettings:
     """When and how frames are painted."""
 
-    canvas: CanvasSettings = field(default_factory=CanvasSettings)
+    canvas: CompositorSettings = field(default_factory=CompositorSettings)
     exposure: ExposureSettings = field(default_factory=ExposureSettings)
     vignetting: VignettingSettings = field(default_factory=VignettingSettings)
     bands: tuple[int, ...] = ()  # as red, green, blue, or one as grey, counted from 1; empty: chosen by their number
@@ -73,7 +73,7 @@ class Step:
     skip: Callable[[], object]
 
 
-class Painter(Kept):
+class RepaintQueue(Kept):
     """The canvas, and the queue of what is to be painted on it.
 
     `record(painted)` is called whenever a frame is painted or is to be repainted, before its tiles change. If not `live`, new
@@ -85,7 +85,7 @@ class Painter(Kept):
     def __init__(
         self,
         load_image: LoadImage,
-        record: Callable[[Painted], None],
+        record: Callable[[RenderItem], None],
         settings: PaintSettings,
         scratch: Path | None = None,
         *,
@@ -95,8 +95,8 @@ class Painter(Kept):
         self._settings = settings
         self._live = live
         self._record = record
-        self.canvas = Canvas(load_image, settings.canvas, scratch=scratch, load_tile=load_tile)
-        self._painted: dict[str, Painted] = {}
+        self.canvas = TileCompositor(load_image, settings.canvas, scratch=scratch, load_tile=load_tile)
+        self._painted: dict[str, RenderItem] = {}
         self._ranges = CameraRanges(settings.bands, lighten=settings.brightness == "auto")
         self._refitted = False  # whether parts of the map may still show a range that was fitted anew since
         self._levels = PaintingLevels()
@@ -109,7 +109,7 @@ class Painter(Kept):
         # Frames displaced too far, with their displacement in their own pixels.
         self._stale: dict[str, tuple[float, Placement]] = {}
 
-    def resume(self, shown: Iterable[Painted]) -> set[TileKey]:
+    def resume(self, shown: Iterable[RenderItem]) -> set[TileKey]:
         """Go on after `load`. The tiles on the disk show these frames so; they are stale until they are repainted. Returns all
         tiles that may be on the disk, others show what is nowhere painted any more."""
         before = list(shown)
@@ -119,7 +119,7 @@ class Painter(Kept):
         self._changed.clear()
         return tiles
 
-    def painted(self) -> list[Painted]:
+    def painted(self) -> list[RenderItem]:
         """How each frame is to be painted now."""
         return list(self._painted.values())
 
@@ -152,7 +152,7 @@ class Painter(Kept):
         """Paint a frame for the first time; returns the tiles that changed."""
         pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
         whose = _camera_of(image, placement.aircraft)
-        new = Painted(
+        new = RenderItem(
             name=placement.name,
             order=order,
             island=placement.island,
@@ -284,7 +284,7 @@ class Painter(Kept):
                 self._change(final)
         return set()
 
-    def _final_displays(self) -> dict[str, Painted]:
+    def _final_displays(self) -> dict[str, RenderItem]:
         """Frames whose display changes at the end, with their final one."""
         displays: dict[str, Display] = {}
         for camera in self._ranges.cameras:
@@ -316,7 +316,7 @@ class Painter(Kept):
         moved = replace(painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief)
         self._change(self._levels.settled(moved), off_px)
 
-    def _change(self, painted: Painted, urgency: float = 0.0) -> None:
+    def _change(self, painted: RenderItem, urgency: float = 0.0) -> None:
         self._note(painted)
         self._changed[painted.name] = max(urgency, self._changed.get(painted.name, 0.0))
 
@@ -325,12 +325,12 @@ class Painter(Kept):
         self.canvas.move([self._painted[name]], self._changed.pop(name))
         return set()
 
-    def _note(self, painted: Painted) -> None:
+    def _note(self, painted: RenderItem) -> None:
         self._record(painted)
         self._painted[painted.name] = painted
 
     def _display_of(
-        self, new: Painted, image: Bands, thumbnail: Bands, beside: Iterable[Painted], camera: Camera
+        self, new: RenderItem, image: Bands, thumbnail: Bands, beside: Iterable[RenderItem], camera: Camera
     ) -> Display:
         """How a new frame is displayed. If it changes the range of its camera, its other frames are updated when idle."""
         if image.dtype == np.uint8:

@@ -19,10 +19,10 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
+from gcs_mosaic.render.blend_maps import LEAST, BlendMaps, Of, contrasts, detail_of, grouped_planes, small_look, tone_of
 from gcs_mosaic.render.blending import LEAST_WEIGHT
 from gcs_mosaic.render.cells import Cells, Owned, Seen, Window
-from gcs_mosaic.render.looks import LEAST, Of, Sight, contrasts, detail_of, grouped_planes, small_look, tone_of
-from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.saliency import WAYS
 from gcs_mosaic.render.sampling import at_cells, hindrance, inside, lattice_part, places_in, sampled
 from gcs_mosaic.render.seam_path import least_seen
@@ -42,24 +42,24 @@ SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lack
 ELSEWHERE = 1.0
 
 
-def look_for_seams(look: ImageBGR, of: Of) -> Sight:
+def look_for_seams(look: ImageBGR, of: Of) -> BlendMaps:
     """What is kept of a frame's image: contrasts, colours, detail, tone."""
     found = contrasts(look)
     planes = grouped_planes([*found, *small_look(look, found[0].shape)])
-    return Sight(of, planes, detail_of(look), tone_of(look, found[THINGS]))
+    return BlendMaps(of, planes, detail_of(look), tone_of(look, found[THINGS]))
 
 
-def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
+def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
     """A frame's contribution to the cells of a window: its planes and its score."""
-    assert sight is not None, "seams need a look"
-    assert sight.detail is not None
+    assert maps is not None, "seams need a look"
+    assert maps.detail is not None
     where = lattice_part(frame.lattice, window)
     pixels, weight = at_cells(frame.lattice.pixels[where]), at_cells(frame.lattice.weight[where])
     blue, green, red = frame.factors(window)
     gain = _light(blue, green, red)
-    planes = _at_places(sight.planes, places_in(pixels, frame.lattice, sight.planes[0].shape))
+    planes = _at_places(maps.planes, places_in(pixels, frame.lattice, maps.planes[0].shape))
     planes = [times(one, by) for one, by in zip(planes, [gain] * 3 * WAYS + [blue, green, red], strict=True)]
-    detail = sampled(sight.detail.astype(np.float32), places_in(pixels, frame.lattice, sight.detail.shape))
+    detail = sampled(maps.detail.astype(np.float32), places_in(pixels, frame.lattice, maps.detail.shape))
     for one in planes[THINGS]:  # things seen only at the very border are unreliable, those of an overlay are none
         one[weight <= LEAST_WEIGHT] = 0
     covered = inside(frame.lattice, where)
@@ -68,7 +68,7 @@ def see(frame: PlacedFrame, sight: Sight | None, window: Window) -> Seen:
 
 
 def contrasts_at(
-    frame: PlacedFrame, groups: Sequence[PlaneStack], window: Window, at: Callable[[Lattice], Lattice] = at_cells
+    frame: FrameWarp, groups: Sequence[PlaneStack], window: Window, at: Callable[[Lattice], Lattice] = at_cells
 ) -> Planes:
     """Grouped contrast planes as (k, h, w), at the cells of a window, or at other places between lattice points."""
     pixels = at(frame.lattice.pixels[lattice_part(frame.lattice, window)])

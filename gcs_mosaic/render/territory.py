@@ -9,6 +9,7 @@ from functools import partial
 import cv2
 import numpy as np
 
+from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import Mode
 from gcs_mosaic.render.cells import (
     Cells,
@@ -26,12 +27,11 @@ from gcs_mosaic.render.cells import (
     unowned,
     window_around,
 )
-from gcs_mosaic.render.gallery import Gallery
-from gcs_mosaic.render.guests import Things, things
-from gcs_mosaic.render.looks import Sight
-from gcs_mosaic.render.painted import GUEST_LEVELS, Painted, PaintedFrames, TileKey
-from gcs_mosaic.render.placed import PlacedFrame, on_level
+from gcs_mosaic.render.frame_cache import FrameCache
+from gcs_mosaic.render.frame_warp import FrameWarp, on_level
+from gcs_mosaic.render.insets import Things, things
 from gcs_mosaic.render.plans import Plan, planned
+from gcs_mosaic.render.render_list import INSET_LEVELS, RenderItem, RenderList, TileKey
 from gcs_mosaic.render.tile_cache import Store
 from gcs_mosaic.render.tone import REACH, shifts
 from gcs_mosaic.stitch.arrays import ToneShifts
@@ -41,19 +41,19 @@ from gcs_mosaic.stitch.transaction import Kept
 class Territory(Kept):
     """The cells of tiles and their owners, in a store that its owner restores, like the frames."""
 
-    FIXED = frozenset({"_store", "_mode", "_gallery", "_frames", "_pool", "_coming"})
+    FIXED = frozenset({"_store", "_mode", "_frame_cache", "_frames", "_pool", "_coming"})
 
-    def __init__(self, store: Store, mode: Mode, gallery: Gallery, frames: PaintedFrames, pool: Executor) -> None:
+    def __init__(self, store: Store, mode: Mode, frame_cache: FrameCache, frames: RenderList, pool: Executor) -> None:
         self._store = store
         self._mode = mode
-        self._gallery = gallery
+        self._frame_cache = frame_cache
         self._frames = frames
         self._pool = pool
-        self._coming: tuple[Painted, Window, Future[Seen]] | None = None  # the next frame's contribution
+        self._coming: tuple[RenderItem, Window, Future[Seen]] | None = None  # the next frame's contribution
         self._numbers: dict[str, int] = {}  # of all frames ever seen, by name
         self._names: list[str] = []  # by number
 
-    def lay_over(self, frame: PlacedFrame, keys: Collection[TileKey], *, anew: bool = False) -> set[TileKey]:
+    def lay_over(self, frame: FrameWarp, keys: Collection[TileKey], *, anew: bool = False) -> set[TileKey]:
         """Lay a frame over the cells of these tiles, or over those being decided again (`anew`); returns the tiles that have
         changed."""
         if not keys:
@@ -67,11 +67,11 @@ class Territory(Kept):
             self._store.put((key, kind), part(after, window.place(key)))
         return changed
 
-    def expect(self, frame: PlacedFrame, keys: Collection[TileKey]) -> None:
+    def expect(self, frame: FrameWarp, keys: Collection[TileKey]) -> None:
         """Begin to compute a frame's contribution to the cells of these tiles, while another one is laid over them."""
-        if self._gallery.has_seen(frame.painted):
-            window, sight = window_around(keys), self._gallery.sight(frame.painted)
-            self._coming = frame.painted, window, self._pool.submit(self._mode.see, frame, sight, window)
+        if self._frame_cache.has_seen(frame.painted):
+            window, maps = window_around(keys), self._frame_cache.blend_maps(frame.painted)
+            self._coming = frame.painted, window, self._pool.submit(self._mode.see, frame, maps, window)
 
     def drop_fresh(self, keys: Iterable[TileKey]) -> None:
         """Discard cells decided again."""
@@ -90,22 +90,22 @@ class Territory(Kept):
         return changed
 
     def hosts(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """Those of these tiles that may have guests."""
-        return {key for key in keys if self._mode.admit is not None and self._frames.guests_on(key)}
+        """Those of these tiles that may have insets."""
+        return {key for key in keys if self._mode.admit is not None and self._frames.insets_on(key)}
 
-    def with_guests(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """Those of these tiles that show guests."""
+    def with_insets(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """Those of these tiles that show insets."""
         return {key for key in keys if (key, "hosted") in self._store}
 
     def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """The finer tiles on which frames of these tiles may be guests."""
+        """The finer tiles on which frames of these tiles may be insets."""
         return set() if self._mode.admit is None else self._frames.hosts_below(keys)
 
     def settle(self, changed: Iterable[TileKey]) -> set[TileKey]:
         """Update cell owners of changed tiles and their neighbours; returns the tiles that may look different."""
         groups = grouped(changed)
         for keys in groups:
-            self._let_guests_in(keys)
+            self._let_insets_in(keys)
         return set[TileKey]().union(*[self._settle(keys) for keys in groups])
 
     def plans(self, keys: Iterable[TileKey]) -> dict[TileKey, Plan]:
@@ -135,23 +135,23 @@ class Territory(Kept):
         near = cv2.dilate(other.astype(np.uint8), np.ones((reach, reach), np.uint8))
         return touched(near > 0, window) & there
 
-    def _seen(self, frame: PlacedFrame, window: Window) -> Seen:
+    def _seen(self, frame: FrameWarp, window: Window) -> Seen:
         coming, self._coming = self._coming, None
         if coming is not None and coming[:2] == (frame.painted, window):
             return coming[2].result()
-        return self._mode.see(frame, self._gallery.sight(frame.painted), window)
+        return self._mode.see(frame, self._frame_cache.blend_maps(frame.painted), window)
 
-    def _let_guests_in(self, keys: Iterable[TileKey]) -> None:
-        """Recompute, for tiles of one level, where guests show things that no frame painted there has."""
+    def _let_insets_in(self, keys: Iterable[TileKey]) -> None:
+        """Recompute, for tiles of one level, where insets show things that no frame painted there has."""
         hosts = {key for key in self.hosts(keys) if (key, "cells") in self._store}
         for key in set(keys) - hosts:
             self._store.put((key, "hosted"), None)
         if not hosts or self._mode.admit is None:
             return
-        window = window_around(hosts).above(GUEST_LEVELS).below(GUEST_LEVELS)
+        window = window_around(hosts).above(INSET_LEVELS).below(INSET_LEVELS)
         before = cells = self._cells(hosts, window, "cells")
-        guests = {one.name: one for key in hosts for one in self._frames.guests_on(key)}
-        for painted in sorted(guests.values(), key=lambda one: one.turn):
+        insets = {one.name: one for key in hosts for one in self._frames.insets_on(key)}
+        for painted in sorted(insets.values(), key=lambda one: one.turn):
             if (known := self._things(painted)) is not None:
                 cells = self._mode.admit(cells, window, known, self._number(painted.name), self._seer)
         changed = touched(cells.first != before.first, window)
@@ -173,28 +173,28 @@ class Territory(Kept):
     def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, ToneShifts]]:
         return shifts(owned.first, window, partial(self._seer, window))
 
-    def _things(self, painted: Painted) -> Things | None:
+    def _things(self, painted: RenderItem) -> Things | None:
         """Salient things of a frame; None if unknown."""
         known: Things | None = self._store.get(("things", painted.name))
         if known is None or known.painted != painted:
-            frame = self._gallery.placed(painted) if self._gallery.has_seen(painted) else None
-            sight = self._gallery.sight(painted)
-            known = None if frame is None or sight is None else things(frame, sight)
+            frame = self._frame_cache.warp(painted) if self._frame_cache.has_seen(painted) else None
+            maps = self._frame_cache.blend_maps(painted)
+            known = None if frame is None or maps is None else things(frame, maps)
             self._store.put(("things", painted.name), known)
         return known
 
-    def _seer(self, window: Window, number: int) -> tuple[PlacedFrame, Sight] | None:
+    def _seer(self, window: Window, number: int) -> tuple[FrameWarp, BlendMaps] | None:
         """A frame on a window, and its look; None if it is no longer there."""
         painted = self._frames.get(self._names[number])
         if painted is None or not _may_be_on(painted, window):
             return None
-        frame, sight = self._gallery.placed(painted), self._gallery.sight(painted)
+        frame, maps = self._frame_cache.warp(painted), self._frame_cache.blend_maps(painted)
         here = None if frame is None else on_level(frame, window)
-        return None if here is None or sight is None else (here, sight)
+        return None if here is None or maps is None else (here, maps)
 
-    def _frames_on(self, key: TileKey) -> dict[int, Painted]:
+    def _frames_on(self, key: TileKey) -> dict[int, RenderItem]:
         """All frames that may show on a tile, in capture order."""
-        there = sorted([*self._frames.on(key), *self._frames.guests_on(key)], key=lambda painted: painted.turn)
+        there = sorted([*self._frames.on(key), *self._frames.insets_on(key)], key=lambda painted: painted.turn)
         return {self._number(painted.name): painted for painted in there}
 
     def _number(self, name: str) -> int:
@@ -204,5 +204,5 @@ class Territory(Kept):
         return self._numbers[name]
 
 
-def _may_be_on(painted: Painted, window: Window) -> bool:
-    return painted.island == window.island and 0 <= window.level - painted.level <= GUEST_LEVELS
+def _may_be_on(painted: RenderItem, window: Window) -> bool:
+    return painted.island == window.island and 0 <= window.level - painted.level <= INSET_LEVELS

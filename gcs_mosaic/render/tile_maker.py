@@ -7,11 +7,11 @@ from collections.abc import Hashable, Iterable, Mapping
 from concurrent.futures import Executor
 
 from gcs_mosaic.render.cells import window_around
-from gcs_mosaic.render.gallery import Gallery
-from gcs_mosaic.render.painted import Painted, PaintedFrames, TileKey
+from gcs_mosaic.render.frame_cache import FrameCache
+from gcs_mosaic.render.frame_warp import FrameWarp, on_level
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part, Piece, alone, mixed, piece
-from gcs_mosaic.render.placed import PlacedFrame, on_level
 from gcs_mosaic.render.plans import Plan
+from gcs_mosaic.render.render_list import RenderItem, RenderList, TileKey
 from gcs_mosaic.render.spread import spread
 from gcs_mosaic.render.tile_cache import Layer, Store
 
@@ -20,19 +20,19 @@ logger = logging.getLogger(__name__)
 Plans = Mapping[TileKey, Plan]
 
 
-class Maker:
+class TileMaker:
     """Intermediate results are kept in the store, under the tile's key. `interpolation` is an OpenCV flag."""
 
     def __init__(
         self,
-        gallery: Gallery,
-        frames: PaintedFrames,
+        frame_cache: FrameCache,
+        frames: RenderList,
         store: Store,
         pool: Executor,
         interpolation: int,
         keep: KeepBands,
     ) -> None:
-        self._gallery = gallery
+        self._frame_cache = frame_cache
         self._frames = frames
         self._store = store
         self._pool = pool
@@ -48,8 +48,8 @@ class Maker:
         """The tiles, except those that need a frame which is unavailable or, if `hastily`, not in memory."""
         pieces: dict[TileKey, dict[str, Piece | None]] = {key: {} for key in plans}
         # Those in memory first: loading another one may evict them.
-        for name in sorted(self.order(plans), key=lambda name: not self._gallery.is_at_hand(name)):
-            wanted = self._gallery.is_at_hand(name) or not hastily
+        for name in sorted(self.order(plans), key=lambda name: not self._frame_cache.is_at_hand(name)):
+            wanted = self._frame_cache.is_at_hand(name) or not hastily
             picture = self._picture_now(self._frames[name]) if wanted else None
             if picture is None:
                 plans = {key: plan for key, plan in plans.items() if name not in plan.parts}
@@ -64,7 +64,7 @@ class Maker:
 
     def step(self, plans: Plans, name: str) -> bool:
         """Make a frame's pieces, and the tiles that need no other; False if its original is gone."""
-        picture = self._gallery.picture(self._frames[name])
+        picture = self._frame_cache.picture(self._frames[name])
         if picture is None:
             return False
         pieces = self._pieces(name, plans, picture)
@@ -89,7 +89,7 @@ class Maker:
             for name in plan.parts:
                 self._store.put((key, "piece", name), None)
 
-    def whole(self, frame: PlacedFrame, picture: FramePicture, keys: Iterable[TileKey]) -> dict[TileKey, Layer]:
+    def whole(self, frame: FrameWarp, picture: FramePicture, keys: Iterable[TileKey]) -> dict[TileKey, Layer]:
         """A frame's full contribution to tiles, where not empty."""
         some = sorted(keys)
 
@@ -103,7 +103,7 @@ class Maker:
 
     def _pieces(self, name: str, plans: Plans, picture: FramePicture) -> dict[TileKey, Piece | None]:
         """A frame's pieces of the tiles that it shows on."""
-        frame = self._gallery.placed(self._frames[name])
+        frame = self._frame_cache.warp(self._frames[name])
         assert frame is not None, "it is on these tiles"
         keys = [key for key, plan in plans.items() if name in plan.parts]
 
@@ -118,10 +118,10 @@ class Maker:
         made = [(part, self._store.get((key, "piece", name))) for name, part in plan.parts.items()]
         return [(part, one) for part, one in made if one is not None]
 
-    def _picture_now(self, painted: Painted) -> FramePicture | None:
+    def _picture_now(self, painted: RenderItem) -> FramePicture | None:
         """A frame's image; None also on errors that later steps will meet again: they are not the new frame's fault."""
         try:
-            return self._gallery.picture(painted)
+            return self._frame_cache.picture(painted)
         except Exception:
             logger.warning("the original of %s cannot be had", painted.name, exc_info=True)
             return None

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from scipy.ndimage import find_objects
 
+from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.cells import CELLS, Window
-from gcs_mosaic.render.looks import Sight
-from gcs_mosaic.render.placed import PlacedFrame
+from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.sampling import at_middles, lattice_part, places_in, sampled
 from gcs_mosaic.stitch.arrays import FrameNumbers, Lattice, Mask, ToneShifts
 
@@ -38,38 +38,38 @@ def wide(shown: Mask) -> Lattice:
     return np.asarray(box, np.float32)
 
 
-def tone(frame: PlacedFrame, sight: Sight, window: Window) -> tuple[Lattice, Lattice]:
+def tone(frame: FrameWarp, maps: BlendMaps, window: Window) -> tuple[Lattice, Lattice]:
     """A frame's tone at the squares of a window: (4, h, w) blue, green, red and the influence of things; and its confidence."""
-    assert sight.tone is not None
+    assert maps.tone is not None
     where = lattice_part(frame.lattice, window)
-    places = places_in(at_middles(frame.lattice.pixels[where]), frame.lattice, sight.tone.shape)
-    values = np.stack(cv2.split(sampled(sight.tone.astype(np.float32), places))).astype(np.float32)
+    places = places_in(at_middles(frame.lattice.pixels[where]), frame.lattice, maps.tone.shape)
+    values = np.stack(cv2.split(sampled(maps.tone.astype(np.float32), places))).astype(np.float32)
     for one, factor in zip(values, frame.factors(window, at_middles), strict=False):
         one *= factor
     sure = np.clip(at_middles(frame.lattice.weight[where]) / np.float32(SURE), 0, 1)
     return values, sure.astype(np.float32)
 
 
-Seer = Callable[[int], tuple[PlacedFrame, Sight] | None]
+Seer = Callable[[int], tuple[FrameWarp, BlendMaps] | None]
 
 
 def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[Window, ToneShifts]]:
     """Tone shifts of the frames that show on a window's cells (h, w), in 1 / `FINE` grey levels: (3, rows, columns) for the
     squares of a part of the window, by frame number. Invalid within `REACH` of the rim, unless the map ends there.
 
-    `seer` returns a frame and its sight by number, None if it is no longer here.
+    `seer` returns a frame and its maps by number, None if it is no longer here.
     """
     size = window.shape[0] // 2, window.shape[1] // 2
     total, weight = np.zeros((4, *size), np.float32), np.zeros(size, np.float32)
     tones: dict[int, tuple[Window, Lattice]] = {}
     # In capture order, not by number: what a sum of floats comes to depends on its order.
     seen = [(number, box, known) for number, box in shown_boxes(first, window).items() if (known := seer(number))]
-    for number, box, (frame, sight) in sorted(seen, key=lambda one: one[2][0].painted.turn):
+    for number, box, (frame, maps) in sorted(seen, key=lambda one: one[2][0].painted.turn):
         there = box.wider().common(frame.window)
         there = None if there is None else there.common(window)
         if there is None:
             continue
-        values, sure = tone(frame, sight, there)
+        values, sure = tone(frame, maps, there)
         share = wide(first[window.of(there)] == number) * sure
         place = squares(window.of(there))
         total[:, place[0], place[1]] += values * share

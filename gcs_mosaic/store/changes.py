@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.render_list import RenderItem, TileKey
 from gcs_mosaic.stitch.graph.placement import Covered, Placement
 from gcs_mosaic.stitch.transaction import Kept
 from gcs_mosaic.store.ledger import printable
@@ -26,7 +26,7 @@ class Changes(Kept):
     sharpness: dict[str, float] = field(default_factory=dict)
     placements: dict[str, Placement] = field(default_factory=dict)
     covered: dict[str, Covered] = field(default_factory=dict)
-    painted: dict[str, Painted] = field(default_factory=dict)
+    painted: dict[str, RenderItem] = field(default_factory=dict)
     tiles: list[frozenset[TileKey]] = field(default_factory=list)  # changed tiles, one set per processing step
 
     def __bool__(self) -> bool:

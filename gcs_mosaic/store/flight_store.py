@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Protocol
 
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, Notice, OtherFile, Topic
-from gcs_mosaic.render.canvas import CanvasSettings
-from gcs_mosaic.render.painted import Extent, Painted, TileKey
+from gcs_mosaic.render.compositor import CompositorSettings
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import Extent, RenderItem, TileKey
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.graph.placement import Covered, Placement
 from gcs_mosaic.stitch.graph.tearing import HeldOut
@@ -55,7 +55,7 @@ logger = logging.getLogger(__name__)
 
 
 class TileSource(Protocol):
-    """The painted map as tiles; see `render.canvas.Canvas`."""
+    """The painted map as tiles; see `render.compositor.TileCompositor`."""
 
     def tile_later(self, island: int, tile: Tile) -> Callable[[], TilePicture | None]: ...
     def extent(self, island: int) -> Extent | None: ...
@@ -109,13 +109,13 @@ class FlightStore(Kept):
         *,
         originals: OriginalsSettings | None = None,
         tiles: TileSettings | None = None,
-        canvas: CanvasSettings | None = None,
+        canvas: CompositorSettings | None = None,
         around: StoreHooks | None = None,
     ) -> None:
         around = around or StoreHooks()
         self.out = out
         self.ledger = Ledger(out / LEDGER_NAME)
-        self.canvas = canvas or CanvasSettings()
+        self.canvas = canvas or CompositorSettings()
         self.flight = self.ledger.flight() or self._begin_flight(around.utc())
         self._changes = Changes()
         self.taken_in = 0  # files accepted, whatever their outcome
@@ -175,7 +175,7 @@ class FlightStore(Kept):
     def tell_whole(
         self,
         placements: Iterable[Placement],
-        painted: Iterable[Painted],
+        painted: Iterable[RenderItem],
         covered: Iterable[Covered],
         waiting: Iterable[str],
     ) -> None:
@@ -451,7 +451,7 @@ class FlightStore(Kept):
         self._changes.painted.pop(covered.name, None)
         self.note_covered(covered)
 
-    def note_painted(self, painted: Painted) -> None:
+    def note_painted(self, painted: RenderItem) -> None:
         """Note how a frame is painted now."""
         self._changes.painted[painted.name] = painted
 

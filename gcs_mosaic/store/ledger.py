@@ -13,8 +13,8 @@ from collections.abc import Iterable
 from dataclasses import asdict
 
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, RecordedPosition, TriggerEvent
-from gcs_mosaic.render.canvas import CanvasSettings
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.compositor import CompositorSettings
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.stitch.graph.placement import Homography
 from gcs_mosaic.store.ledger_file import LedgerFile
@@ -74,7 +74,7 @@ class Ledger(LedgerFile):
         values = (flight.name, flight.started_utc, json.dumps(asdict(flight.canvas)))
         self.write("INSERT INTO flight (id, name, started_utc, canvas) VALUES (1, ?, ?, ?)", *values)
 
-    def set_canvas(self, canvas: CanvasSettings) -> None:
+    def set_canvas(self, canvas: CompositorSettings) -> None:
         """The flight is painted otherwise from now on: none of its tiles may be older."""
         self.write("UPDATE flight SET canvas = ?", json.dumps(asdict(canvas)))
 
@@ -306,7 +306,7 @@ class Ledger(LedgerFile):
         rows = self.rows(f"SELECT vehicle, name, max(id) FROM frames WHERE {placed} GROUP BY vehicle ORDER BY vehicle")
         return {row["vehicle"]: name_of(row) for row in rows}
 
-    def record_painted(self, painted: Painted) -> None:
+    def record_painted(self, painted: RenderItem) -> None:
         """Record how a frame is painted now; replaces any earlier record."""
         columns = f'frame, "order", island, level, camera, {POSE_COLUMNS}, {LOOK_COLUMNS}, {RELIEF_COLUMNS}'
         with self.transaction():
@@ -315,7 +315,7 @@ class Ledger(LedgerFile):
             values = (*head, *place, *look_row(painted), *relief_row(painted.relief))
             self.write(f"INSERT OR REPLACE INTO painted ({columns}) VALUES ({marks(values)})", *values)
 
-    def painted(self, island: int) -> list[Painted]:
+    def painted(self, island: int) -> list[RenderItem]:
         """Every frame painted on an island, in painting order."""
         rows = self.rows(placed_in("painted", '"order", frames.id', "WHERE painted.island = ?"), island)
         return self.made(painted_of, rows)
@@ -346,7 +346,7 @@ class Ledger(LedgerFile):
             return []
         return self.made(recorded_position_of, self.rows("SELECT * FROM recorded ORDER BY frame"))
 
-    def painted_frame(self, number: int) -> Painted | None:
+    def painted_frame(self, number: int) -> RenderItem | None:
         """How one frame is painted, by its number (`frames.id`)."""
         rows = self.rows(placed_in("painted", "frame", "WHERE painted.frame = ?"), number)
         return next(iter(self.made(painted_of, rows)), None)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from gcs_mosaic.messages import Position, Teller, TriggerEvent
-from gcs_mosaic.render.canvas import CanvasSettings
+from gcs_mosaic.render.compositor import CompositorSettings
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.placement import Homography
@@ -42,7 +42,7 @@ class FlightRecord:
 
     name: str
     started_utc: float
-    canvas: CanvasSettings = field(default_factory=CanvasSettings)
+    canvas: CompositorSettings = field(default_factory=CompositorSettings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

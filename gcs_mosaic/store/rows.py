@@ -13,9 +13,9 @@ from dataclasses import asdict
 import numpy as np
 
 from gcs_mosaic.messages import CaptureResult, Position, RecordedPosition, Source, Teller, TriggerEvent
-from gcs_mosaic.render.canvas import CanvasSettings
+from gcs_mosaic.render.compositor import CompositorSettings
 from gcs_mosaic.render.display import PLAIN, Display
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL
 from gcs_mosaic.render.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
@@ -228,7 +228,7 @@ def relief_of(row: sqlite3.Row) -> ReliefDisplacement | None:
     return ReliefDisplacement(operator.index(columns), operator.index(rows), bytes(shifts))
 
 
-def look_row(painted: Painted) -> tuple[object, ...]:
+def look_row(painted: RenderItem) -> tuple[object, ...]:
     """Values for LOOK_COLUMNS: gains and vignetting as 64-bit floats, display and dead border as JSON."""
     gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
     dead = json.dumps([int(lines) for lines in painted.dead])
@@ -284,8 +284,10 @@ def flight_of(row: sqlite3.Row) -> FlightRecord:
     return FlightRecord(name=row["name"], started_utc=row["started_utc"], canvas=canvas_of(row))
 
 
-def canvas_of(row: sqlite3.Row) -> CanvasSettings:
-    return CanvasSettings(**json.loads(row["canvas"])) if "canvas" in row.keys() else CanvasSettings(blend="edge")  # noqa: SIM118
+def canvas_of(row: sqlite3.Row) -> CompositorSettings:
+    if "canvas" in row.keys():  # noqa: SIM118
+        return CompositorSettings(**json.loads(row["canvas"]))
+    return CompositorSettings(blend="edge")
 
 
 def display_of(row: sqlite3.Row) -> Display:
@@ -341,8 +343,8 @@ def position_record_of(row: sqlite3.Row) -> PositionRecord:
     )
 
 
-def painted_of(row: sqlite3.Row) -> Painted:
-    return Painted(
+def painted_of(row: sqlite3.Row) -> RenderItem:
+    return RenderItem(
         name=name_of(row),
         order=row["order"],
         island=row["island"],

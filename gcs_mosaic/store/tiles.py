@@ -13,8 +13,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from gcs_mosaic.render.painted import TileKey
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import TileKey
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.arrays import AnyImage, Coverage, ImageBGR
@@ -64,7 +64,7 @@ class TileWriter:
         """Write the tiles of these keys, remove those that show nothing, and return once all is on disk; returns the number of
         tiles that now exist. Raises DiskFull.
 
-        `shown` (`Canvas.tile_later`) is called here, its result on one of the threads.
+        `shown` (`TileCompositor.tile_later`) is called here, its result on one of the threads.
         """
         pending: deque[Future[bool]] = deque()
         present = 0

@@ -15,7 +15,7 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Box
 from gcs_mosaic.stitch.arrays import Array, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, footprint, pixels_from_canvas
@@ -85,7 +85,7 @@ class FlightView:
                 self._read_again()
             return self._table
 
-    def painted(self, number: int) -> Painted | None:
+    def painted(self, number: int) -> RenderItem | None:
         """How a frame is painted, with relief; None if it is not."""
         return self._painted(number, self.table().revision)
 
@@ -149,7 +149,7 @@ class FlightView:
         now = time.monotonic()
         self._due = now + max(LEAST_REST_S, REST * (now - start))
 
-    def _read_painted(self, number: int, _revision: int) -> Painted | None:
+    def _read_painted(self, number: int, _revision: int) -> RenderItem | None:
         with self._ledger() as ledger:
             return ledger.painted_frame(number)
 
@@ -160,14 +160,14 @@ class FlightView:
         return Ledger(self.root / LEDGER_NAME, read_only=True)
 
 
-def pixels_of(painted: Painted, places: PointsNx2) -> PointsNx2:
+def pixels_of(painted: RenderItem, places: PointsNx2) -> PointsNx2:
     """Pixels (n, 2) of a painted frame, inside it or not, where canvas places (n, 2) are seen: lens and relief included. NaN
     where the lens cannot see them."""
     flat = pixels_from_canvas(painted.pose, painted.camera, places)
     return as_seen(painted.relief, painted.camera, flat)
 
 
-def places_of(painted: Painted, pixels: PointsNx2) -> PointsNx2:
+def places_of(painted: RenderItem, pixels: PointsNx2) -> PointsNx2:
     """Canvas places (n, 2) of a painted frame's pixels (n, 2); NaN above the horizon. Inverse of `pixels_of`."""
     return canvas_from_pixels(painted.pose, painted.camera, on_plane(painted.relief, painted.camera, pixels))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
@@ -60,7 +60,7 @@ def sightings(view: FlightView, island: int, x: float, y: float) -> list[Sightin
     return sorted(compared, key=lambda one: -one.worth)[:MOST]
 
 
-def _looks(view: FlightView, number: int, painted: Painted, pixel: PointsNx2) -> Iterator[Sighting]:
+def _looks(view: FlightView, number: int, painted: RenderItem, pixel: PointsNx2) -> Iterator[Sighting]:
     """Of a painted frame, and of those that it covers."""
     gsd = float(ground_sampling_distance(painted.pose, painted.camera, pixel)[0])
     own = view.frame(number)

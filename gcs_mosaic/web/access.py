@@ -17,7 +17,7 @@ from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
 
 from gcs_mosaic.web.address import is_local_name, split_host
-from gcs_mosaic.web.places import is_loopback, origin_of
+from gcs_mosaic.web.address_quota import is_loopback, origin_of
 from gcs_mosaic.web.token import Access
 
 COOKIE_S = 30 * 24 * 3600  # a tablet is switched off between flights

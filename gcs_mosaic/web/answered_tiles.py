@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator
 
 from gcs_mosaic.render.tile_grid import Tile, ancestor
 from gcs_mosaic.views.tile_reader import EncodedTile
-from gcs_mosaic.web.change import Change, Painted
+from gcs_mosaic.web.change import Change, PaintedTiles
 from gcs_mosaic.web.recent_answers import RecentAnswers
 
 MOST_BYTES = 48 << 20
@@ -49,11 +49,11 @@ def _upwards(key: Key) -> Iterator[Key]:
         yield island, ancestor(tile, level)
 
 
-def _ancestors(painted: Painted) -> Painted:
+def _ancestors(painted: PaintedTiles) -> PaintedTiles:
     return frozenset(one for key in painted for one in _upwards(key))
 
 
-def _around(painted: Painted) -> Iterator[Key]:
+def _around(painted: PaintedTiles) -> Iterator[Key]:
     """The tiles and their neighbours."""
     for island, (z, x, y) in painted:
         for dx in (-1, 0, 1):

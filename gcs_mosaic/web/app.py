@@ -28,6 +28,7 @@ from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.views.tile_reader import filled
 from gcs_mosaic.web.access import access_check, is_local
 from gcs_mosaic.web.address import HttpAddress, network_names, own_names
+from gcs_mosaic.web.address_quota import AddressQuota, origin_of
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.api.common import VIEW
 from gcs_mosaic.web.api.routes import add_api
@@ -37,11 +38,10 @@ from gcs_mosaic.web.feed import Feed, News
 from gcs_mosaic.web.guard import add_headers, dates_check, host_check, origin_check
 from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.maps.routes import add_maps
-from gcs_mosaic.web.places import Places, origin_of
+from gcs_mosaic.web.request_handler import TimedRequestHandler
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.tile_answer import tile_answer
 from gcs_mosaic.web.token import Access
-from gcs_mosaic.web.visitor import Visitor
 
 VIEWER = Path(__file__).parent / "viewer"
 DOCUMENTS = ("mosaic.json", "placements.json")
@@ -60,7 +60,7 @@ TILE_THREADS = 2  # for filling tiles; stitching has priority on the cores
 FEED = web.AppKey("feed", Feed)
 ANSWERED = web.AppKey("answered", AnsweredTiles)
 TILE_POOL = web.AppKey("tile_pool", ThreadPoolExecutor)
-PAGES = web.AppKey("pages", Places)
+PAGES = web.AppKey("pages", AddressQuota)
 NAMES = web.AppKey("names", set[str])
 
 
@@ -80,7 +80,7 @@ def make_app(
     app[ACCESS], app[CHOOSING] = access, asyncio.Lock()
     app[ANSWERED] = AnsweredTiles(partial(last_revision, root))
     app[FEED].before_telling(app[ANSWERED].forget)
-    app[PAGES] = Places(settings.pages, settings.pages_per_address)
+    app[PAGES] = AddressQuota(settings.pages, settings.pages_per_address)
     app[TILE_POOL] = ThreadPoolExecutor(TILE_THREADS, thread_name_prefix="web tiles")
     app.on_response_prepare.append(add_headers)
     app.on_shutdown.append(end_live)
@@ -107,7 +107,7 @@ def make_app(
 @web.middleware
 async def note_request(request: web.Request, handler: Handler) -> web.StreamResponse:
     """From now on the connection's deadline is that of an answer."""
-    if isinstance(request.protocol, Visitor):
+    if isinstance(request.protocol, TimedRequestHandler):
         request.protocol.answering()
     return await handler(request)
 
@@ -201,7 +201,7 @@ async def live(request: web.Request) -> web.StreamResponse:
             raise web.HTTPServiceUnavailable(text="Too many pages are open.\n")
         response = web.StreamResponse(headers={"Content-Type": "text/event-stream"})
         await response.prepare(request)
-        if isinstance(request.protocol, Visitor):
+        if isinstance(request.protocol, TimedRequestHandler):
             request.protocol.streaming()
         with feed.subscribe() as subscription, suppress(ConnectionError, TimeoutError):
             await send(response, Change(last_revision(request.app[ROOT]), None))

@@ -10,7 +10,7 @@ from typing import Self
 from gcs_mosaic.render.tile_grid import Tile
 
 MOST_TILES = 5000  # pending for one slow reader; beyond that it must reload everything
-Painted = frozenset[tuple[int, Tile]]  # (island, tile)
+PaintedTiles = frozenset[tuple[int, Tile]]  # (island, tile)
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Change:
     """
 
     revision: int
-    painted: Painted | None
+    painted: PaintedTiles | None
 
     @classmethod
     def of_frame(cls, revision: int, tiles: Iterable[tuple[int, Tile]] | None) -> Self:
@@ -61,7 +61,7 @@ class NotesChange:
         return f'event: notes\ndata: {{"revision":{self.revision}}}\n\n'
 
 
-def finest(tiles: Iterable[tuple[int, Tile]]) -> Painted:
+def finest(tiles: Iterable[tuple[int, Tile]]) -> PaintedTiles:
     """The tiles without a child among them."""
     every = frozenset(tiles)
     parents = {(island, tile.parent) for island, tile in every}

@@ -20,8 +20,8 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.web.address import DEFAULT, HttpAddress
 from gcs_mosaic.web.app import let_pages_read, make_app
-from gcs_mosaic.web.door import Door
 from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.listener import PageListener
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.token import Access
 
@@ -86,25 +86,25 @@ class WebServer:
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=STOP_S, handler_cancellation=True)
         await runner.setup()
         assert runner.server is not None, "it has been set up"
-        door = Door(runner.server, self._settings, tls)
+        listener = PageListener(runner.server, self._settings, tls)
         try:
-            self._started.set_result(await self._open(door))
-            await self._until_end(self._end, door)
+            self._started.set_result(await self._open(listener))
+            await self._until_end(self._end, listener)
             await let_pages_read(app)
         finally:
-            await door.close()
+            await listener.close()
             await runner.cleanup()
 
-    async def _open(self, door: Door) -> int:
+    async def _open(self, listener: PageListener) -> int:
         """Bind the address and return the port."""
         try:
-            return await door.open(self._address.host, self._address.port)
+            return await listener.open(self._address.host, self._address.port)
         except (OSError, OverflowError) as error:
             raise UsageError(cannot_listen(self._address, error)) from error
 
-    async def _until_end(self, end: asyncio.Event, door: Door) -> None:
+    async def _until_end(self, end: asyncio.Event, listener: PageListener) -> None:
         while not end.is_set():
-            if self._pulse is not None and door.is_open:
+            if self._pulse is not None and listener.is_open:
                 self._pulse()
             with suppress(TimeoutError):
                 async with asyncio.timeout(PULSE_S):

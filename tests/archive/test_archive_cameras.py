@@ -15,7 +15,7 @@ from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.cameras import by_camera
 from gcs_mosaic.archive.features import FrameFacts, SeenFrame
 from gcs_mosaic.archive.files import FolderFiles
-from gcs_mosaic.archive.kinds import FrameKind, kinds_of
+from gcs_mosaic.archive.frame_kinds import FrameKind, kinds_of
 from gcs_mosaic.archive.sources import SourceFile
 from gcs_mosaic.archive.tasks import StageTask
 from gcs_mosaic.config.tree import Config

@@ -36,7 +36,7 @@ STAGES = (
     "ground_sum",
     "still_mask",
     *("arrivals", "features", "display", "dead_border", "vocabulary", "inverted", "alike", "pair_group", "stretch"),
-    *("joined", "islands", "adjustment", "relief", "torn_apart", "sight", "overlaps_of", "looks", "footprints"),
+    *("joined", "islands", "adjustment", "relief", "torn_apart", "blend_maps_of", "overlaps_of", "looks", "footprints"),
     "super_tile",
 )
 

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
@@ -21,12 +21,12 @@ from tests.running import frames_of
 pytestmark = [pytest.mark.long, pytest.mark.filterwarnings("default")]
 
 
-def painted_of(out: Path) -> list[Painted]:
+def painted_of(out: Path) -> list[RenderItem]:
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         return [one for island in ledger.islands() for one in ledger.painted(island.id)]
 
 
-def looks(painted: Painted) -> np.ndarray:
+def looks(painted: RenderItem) -> np.ndarray:
     """The levels of some counts at the camera's usual gain, as a frame shows them at its own."""
     return painted.display.levels(np.arange(27_600, 28_800, 20, dtype=np.uint16)[None, :, None])[0, :, 0]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.baseline.raster import Raster, RasterBox
-from gcs_mosaic.render.painted import Extent
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import Extent
 from gcs_mosaic.render.tile_grid import Tile, tile_box
 
 

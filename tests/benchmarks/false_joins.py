@@ -27,8 +27,8 @@ from gcs_mosaic.archive.arrivals import arrivals_of
 from gcs_mosaic.archive.cluster import workers_at
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame, features_of, places_of
+from gcs_mosaic.archive.frame_kinds import FrameKind, kinds_of
 from gcs_mosaic.archive.islands import assembled, numbered_frames
-from gcs_mosaic.archive.kinds import FrameKind, kinds_of
 from gcs_mosaic.archive.pairs import KnownPairs, StoredRegistration, registered
 from gcs_mosaic.archive.progress import Lines, StageCost
 from gcs_mosaic.archive.retrieval import pairs_of

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable, load_image
-from gcs_mosaic.render.canvas import INTERPOLATIONS
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.compositor import INTERPOLATIONS
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, canvas_from_level, level_from_canvas
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
@@ -63,7 +63,7 @@ def one_thread() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-def floor(original: Path, painted: Painted, config: Config) -> Floor:
+def floor(original: Path, painted: RenderItem, config: Config) -> Floor:
     """Of one frame: its own picture alone, at the level at which it is painted, on the tiles under its footprint."""
     start = time.perf_counter()
     image = load_image(original, reduction=config.reduction)
@@ -81,7 +81,7 @@ def floor(original: Path, painted: Painted, config: Config) -> Floor:
     return Floor(decoded - start, done - before, time.perf_counter() - done)
 
 
-def pixels_of(painted: Painted) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
+def pixels_of(painted: RenderItem) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:
     """The frame's pixel (h, w, 2) at every pixel of the whole tiles around its footprint, and the first row and column of each
     tile that shows any of it."""
     size = np.array([painted.camera.width, painted.camera.height])

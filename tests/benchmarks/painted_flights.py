@@ -1,4 +1,4 @@
-"""Flights painted by the product's own painter: the map of each blending mode, and each frame alone on the same grid.
+"""Flights painted by the product's own renderer: the map of each blending mode, and each frame alone on the same grid.
 
 A simulated flight lies where its truth says, a recorded one where the stitching puts it.
 """
@@ -20,13 +20,13 @@ from gcs_mosaic.frames.decode import Unreadable, decode_image, load_image
 from gcs_mosaic.frames.directory import frames_in
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.messages import Frame
-from gcs_mosaic.render.canvas import INTERPOLATIONS, Canvas
+from gcs_mosaic.render.blend_maps import LOOK_PIXELS
+from gcs_mosaic.render.compositor import INTERPOLATIONS, TileCompositor
 from gcs_mosaic.render.edges import edge_density
-from gcs_mosaic.render.looks import LOOK_PIXELS
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.frame_warp import frame_warp
 from gcs_mosaic.render.pixels import frame_picture, piece
-from gcs_mosaic.render.placed import placed
-from gcs_mosaic.render.repaint_queue import Painter, PaintSettings
+from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.render.repaint_queue import PaintSettings, RepaintQueue
 from gcs_mosaic.render.sampling import places_in, sampled
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, level_from_canvas
@@ -104,28 +104,28 @@ def recorded(folder: Path, reduction: int = 1, most: int | None = None) -> Place
 class PaintedMap:
     """A painted flight: its tiles, and how each frame is painted on them."""
 
-    canvas: Canvas
-    frames: dict[str, Painted]
+    canvas: TileCompositor
+    frames: dict[str, RenderItem]
 
 
 @contextmanager
 def painted_map(flight: PlacedFlight, settings: PaintSettings) -> Iterator[PaintedMap]:
     """The map as it is when the flight has ended."""
-    frames: dict[str, Painted] = {}
+    frames: dict[str, RenderItem] = {}
 
-    def record(painted: Painted) -> None:
+    def record(painted: RenderItem) -> None:
         frames[painted.name] = painted
 
-    painter = Painter(flight.load, record, settings)
+    queue = RepaintQueue(flight.load, record, settings)
     try:
         for order, placement in enumerate(flight.placements):
             image = flight.load(placement.name)
-            painter.paint_new(image, thumbnail(image), placement, order)
-        for _ in painter.repaint_all(flight.placements):
+            queue.paint_new(image, thumbnail(image), placement, order)
+        for _ in queue.repaint_all(flight.placements):
             pass
-        yield PaintedMap(painter.canvas, frames)
+        yield PaintedMap(queue.canvas, frames)
     finally:
-        painter.close()
+        queue.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +164,7 @@ class Seen:
 TileParts = tuple[Image, Image, Weights | float, Weights | float]  # colour, coverage, weight, density
 
 
-def shown(canvas: Canvas, window: Window) -> Seen:
+def shown(canvas: TileCompositor, window: Window) -> Seen:
     """What the map shows."""
 
     def tile(at: Tile) -> TileParts | None:
@@ -177,8 +177,8 @@ def shown(canvas: Canvas, window: Window) -> Seen:
 class FrameAlone:
     """One frame as it is painted, with nothing else on the tiles."""
 
-    def __init__(self, image: Bands, painted: Painted, settings: PaintSettings) -> None:
-        frame = placed(painted)
+    def __init__(self, image: Bands, painted: RenderItem, settings: PaintSettings) -> None:
+        frame = frame_warp(painted)
         assert frame is not None
         self.painted = painted
         self.tiles = set(frame.lattice.tiles())
@@ -211,7 +211,7 @@ class FrameAlone:
         return made.colour, coverage, upscale(made.weight).copy(), density
 
 
-def place_in_level(painted: Painted, pixels: Array) -> Array:
+def place_in_level(painted: RenderItem, pixels: Array) -> Array:
     """Pixel coordinates (n, 2) on the frame's level of pixels (n, 2) of the frame; pixel k lies around k."""
     places = canvas_from_pixels(painted.pose, painted.camera, on_plane(painted.relief, painted.camera, pixels))
     return np.asarray(level_from_canvas(painted.level, places) - 0.5)

@@ -17,13 +17,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.render.blend_maps import LOOK_PIXELS
 from gcs_mosaic.render.blend_modes import MODES
-from gcs_mosaic.render.canvas import INTERPOLATIONS, Canvas, CanvasSettings
+from gcs_mosaic.render.compositor import INTERPOLATIONS, CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import PLAIN
-from gcs_mosaic.render.looks import LOOK_PIXELS
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.frame_warp import frame_warp
 from gcs_mosaic.render.pixels import frame_picture, piece
-from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.render.warp import shrunk
 from gcs_mosaic.render.warp_grid import frame_lattice
@@ -43,26 +43,26 @@ def main() -> None:
     camera = Camera(image.shape[1], image.shape[0], 1.2, -0.01)
     for blend in MODES:
         print(f"\n{camera.width} x {camera.height}, {blend}")
-        report(np.asarray(image, dtype=np.uint8), camera, 1.0, CanvasSettings(blend=blend))
+        report(np.asarray(image, dtype=np.uint8), camera, 1.0, CompositorSettings(blend=blend))
     for interpolation in INTERPOLATIONS:
         for zoom, words in (
             (1.0, "painted pixel for pixel"),
             (1.65, "painted as fine as it gets, 2.7 times the pixels"),
         ):
             print(f"\n{camera.width} x {camera.height}, {interpolation}, {words}")
-            report(np.asarray(image, dtype=np.uint8), camera, zoom, CanvasSettings(interpolation=interpolation))
+            report(np.asarray(image, dtype=np.uint8), camera, zoom, CompositorSettings(interpolation=interpolation))
 
 
-def report(image: Image, camera: Camera, zoom: float, settings: CanvasSettings) -> None:
+def report(image: Image, camera: Camera, zoom: float, settings: CompositorSettings) -> None:
     """Print wall and CPU milliseconds (the best of a few rounds) and their ratio to the plain warp."""
     frames = [frame(i, camera, zoom) for i in range(ROUNDS + 1)]
-    first = placed(frames[0])
+    first = frame_warp(frames[0])
     assert first is not None
     tiles = list(first.lattice.tiles())
     look, flag = MODES[settings.blend].look or (lambda *_: None), INTERPOLATIONS[settings.interpolation]
     seen = frame_picture(image, frames[0], "none")
     with (
-        Canvas(lambda _: image, settings) as canvas,
+        TileCompositor(lambda _: image, settings) as canvas,
         tempfile.TemporaryDirectory() as out,
     ):
         changed = canvas.paint(image, frames[0])
@@ -84,10 +84,10 @@ def report(image: Image, camera: Camera, zoom: float, settings: CanvasSettings) 
         writer.close()
 
 
-def frame(order: int, camera: Camera, zoom: float) -> Painted:
+def frame(order: int, camera: Camera, zoom: float) -> RenderItem:
     pose = Pose(300.0 * order, 90.0 * order, float(np.log(zoom)), 0.3 + 0.02 * order, 0.04, -0.03)
     gain = (1.04, 1.0, 0.97)
-    return Painted(
+    return RenderItem(
         name=str(order), order=order, island=0, pose=pose, camera=camera, gain=gain, level=own_level(pose, camera)
     )
 

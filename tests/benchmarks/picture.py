@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.render.blend_modes import MODES
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from sitl.camera import Camera
 from sitl.flight import Flight, plan
@@ -138,7 +138,7 @@ def measured(
 ) -> dict[str, Quality]:
     """The quality of each of these modes and of all references."""
     found: dict[str, Quality] = {}
-    known: dict[str, Painted] = {}
+    known: dict[str, RenderItem] = {}
     for mode in modes:
         chosen = replace(settings, canvas=replace(settings.canvas, blend=mode))
         with painted_map(flight, chosen) as painted:
@@ -177,7 +177,7 @@ def judged(maps: dict[Window, Colours], frames: Frames, windows: Sequence[Window
     )
 
 
-def gain_errors(truth: Truth, painted: dict[str, Painted]) -> NDArray[np.float64]:
+def gain_errors(truth: Truth, painted: dict[str, RenderItem]) -> NDArray[np.float64]:
     """By frame in capture order, as in Quality; of the green channel."""
     logs = np.array(
         [np.log(painted[frame.name].gain[1] * frame.gain) for frame in truth.frames if frame.name in painted]

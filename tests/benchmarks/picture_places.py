@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.render.warp_grid import frame_lattice
@@ -44,7 +44,7 @@ class Sight:
     alone: bool
 
 
-def squares(painted: dict[str, Painted], count: int, seed: int = 1) -> list[Window]:
+def squares(painted: dict[str, RenderItem], count: int, seed: int = 1) -> list[Window]:
     """At most so many squares, by lot, all of which two frames or more see at the finest level there is."""
     touched = {frame.name: _tiles(frame) for frame in painted.values()}
     finer = {tile.parent for frame in painted.values() for tile in touched[frame.name]}
@@ -64,7 +64,7 @@ def squares(painted: dict[str, Painted], count: int, seed: int = 1) -> list[Wind
     ]
 
 
-def sights(truth: Truth, painted: dict[str, Painted]) -> list[Sight]:
+def sights(truth: Truth, painted: dict[str, RenderItem]) -> list[Sight]:
     """Every target in every painted frame that shows it whole."""
     found = []
     places = [(one.target, one.ground) for frame in truth.frames for one in frame.sightings]
@@ -93,7 +93,7 @@ class Frames:
 
 def frames_alone(
     flight: PlacedFlight,
-    painted: dict[str, Painted],
+    painted: dict[str, RenderItem],
     settings: PaintSettings,
     windows: Sequence[Window],
     seen: Sequence[Sight],
@@ -114,7 +114,7 @@ def frames_alone(
     return Frames(by_window, bare)
 
 
-def _around(frame: Painted, px: Floats, reach_px: float) -> tuple[Window, tuple[float, float], float]:
+def _around(frame: RenderItem, px: Floats, reach_px: float) -> tuple[Window, tuple[float, float], float]:
     """A window around a pixel (2,) of a frame, the pixel in it, and how large a pixel of the frame is there."""
     here, right = place_in_level(frame, np.array([px, px + np.array([1, 0])]))
     pixel = float(np.hypot(*(right - here)))
@@ -137,12 +137,12 @@ def _reach(target: Target) -> float:
     return float(np.hypot(target.length, target.width)) / 2
 
 
-def _tiles(frame: Painted) -> set[Tile]:
+def _tiles(frame: RenderItem) -> set[Tile]:
     lattice = frame_lattice(frame.pose, frame.camera, frame.level, frame.relief, frame.dead)
     return set() if lattice is None else set(lattice.tiles())
 
 
-def _same_level(window: Window, frame: Painted) -> bool:
+def _same_level(window: Window, frame: RenderItem) -> bool:
     return (window.island, window.level) == (frame.island, frame.level)
 
 

@@ -21,8 +21,8 @@ from unittest.mock import patch
 
 import numpy as np
 
-from gcs_mosaic.render.canvas import Canvas
-from gcs_mosaic.render.painted import Extent, Painted
+from gcs_mosaic.render.compositor import TileCompositor
+from gcs_mosaic.render.render_list import Extent, RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -36,7 +36,7 @@ EARLY, WINDOW = (50, 150), 100  # frames over which is averaged; of the late one
 STRETCHES = (1000, 2000, 3000)  # ends of windows
 EACH_S = 2.0  # between frames, on the clock that tells when placements.json is due
 GROWTH = 1.07
-CANVAS = cast(Canvas, SimpleNamespace(tile=lambda *_: None, extent=lambda _: Extent((0, 0, 1, 1), 10, 16)))
+CANVAS = cast(TileCompositor, SimpleNamespace(tile=lambda *_: None, extent=lambda _: Extent((0, 0, 1, 1), 10, 16)))
 RELIEF = ReliefDisplacement(17, 13, bytes(17 * 13 * 2 * 4))
 
 
@@ -107,7 +107,7 @@ def place(store: FlightStore, camera: Camera, numbers: Iterable[int]) -> None:
             corner_deviation_px=0.7,
         )
         store.note_placed([placement])
-    store.note_painted(Painted(name=name, order=number, island=0, pose=pose, camera=camera, level=16))
+    store.note_painted(RenderItem(name=name, order=number, island=0, pose=pose, camera=camera, level=16))
     store.settle(name, FrameState.PLACED, None)
     store.note_measured(name, (camera.width, camera.height), 1.0)
     store.note_tiles([])

@@ -27,7 +27,7 @@ from gcs_mosaic.geo.mercator import places_of_mercator
 from gcs_mosaic.geotiles.canvas_tiles import tiles_at_rest
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
 from gcs_mosaic.geotiles.pyramid import GeoPyramid
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
@@ -350,7 +350,7 @@ def test_all_that_is_told_of_a_place_tells_its_error(flight: AnchoredFlight, tmp
     with Ledger(root / LEDGER_NAME) as ledger:
         ledger.record_frame(frame("b.jpg"))
         pose, camera = Pose(90.0, 60.0), Camera(1300, 1000)
-        ledger.record_painted(Painted(name="b.jpg", order=1, island=0, pose=pose, camera=camera, level=16))
+        ledger.record_painted(RenderItem(name="b.jpg", order=1, island=0, pose=pose, camera=camera, level=16))
     target = tmp_path / "map.geojson"
     assert main(["export", str(root), "--format", "geojson", "--to", str(target)]) == 0
     told = [one["properties"] for one in json.loads(target.read_text())["features"]]
@@ -367,7 +367,7 @@ def test_each_of_several_aircraft_has_a_path_of_its_own(flight: AnchoredFlight, 
             name = f"{vehicle}/{order}.jpg"
             ledger.record_frame(frame(name, vehicle=vehicle))
             pose, camera = Pose(90.0 * order, 60.0 * vehicle), Camera(1300, 1000)
-            ledger.record_painted(Painted(name=name, order=order, island=0, pose=pose, camera=camera, level=16))
+            ledger.record_painted(RenderItem(name=name, order=order, island=0, pose=pose, camera=camera, level=16))
     target = tmp_path / "map.geojson"
     assert main(["export", str(root), "--format", "geojson", "--to", str(target)]) == 0
     told = json.loads(target.read_text())

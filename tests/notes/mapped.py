@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -33,7 +33,7 @@ class MappedFlight:
 
     def paint(self, name: str, pose: Pose, island: int = 0) -> None:
         with Ledger(self.root / LEDGER_NAME) as ledger:
-            ledger.record_painted(Painted(name=name, order=0, island=island, pose=pose, camera=LENS, level=16))
+            ledger.record_painted(RenderItem(name=name, order=0, island=island, pose=pose, camera=LENS, level=16))
         self._told()
 
     def sized(self, name: str, width: int, height: int) -> None:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from painting_parts import painted, picture
 
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile, tiles_over
 from tests.sure import sure
 
-Canvases = Callable[..., Canvas]  # makes one by how it gets frames, its settings and more
+Canvases = Callable[..., TileCompositor]  # makes one by how it gets frames, its settings and more
 FIVE = Display((0, 1, 2), (0,) * 5, (65_535,) * 5)
 
 
@@ -24,7 +24,7 @@ FIVE = Display((0, 1, 2), (0,) * 5, (65_535,) * 5)
 def canvas() -> Iterator[Canvases]:
     """Makes canvases, and closes them in the end."""
     with ExitStack() as stack:
-        yield lambda load, settings=None, **more: stack.enter_context(Canvas(load, settings, **more))
+        yield lambda load, settings=None, **more: stack.enter_context(TileCompositor(load, settings, **more))
 
 
 def five(name: str) -> np.ndarray:
@@ -33,12 +33,12 @@ def five(name: str) -> np.ndarray:
     return np.dstack([colour, colour[..., 0] // 2, 65_535 - colour[..., 0]])
 
 
-def flight(**more: Any) -> list[Painted]:
+def flight(**more: Any) -> list[RenderItem]:
     """Frames of two resolutions, so that overviews are made too."""
     return [painted(i, 45.0 * i, 20.0 * i, gsd=(1.0, 2.3)[i % 2], yaw=0.7 * i, pitch=0.1, **more) for i in range(5)]
 
 
-def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:
+def all_tiles(c: TileCompositor) -> dict[Tile, TilePicture]:
     box, coarsest, finest = sure(c.extent(0))
     tiles = (tile for level in range(coarsest, finest + 1) for tile in tiles_over(box, level))
     return {tile: shown for tile in tiles if (shown := c.tile(0, tile)) is not None}
@@ -47,7 +47,7 @@ def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:
 @pytest.mark.parametrize("blend", ["edge", "newest", "first"])
 def test_all_bands_are_painted_as_the_colours_are(canvas: Canvases, blend: str) -> None:
     """Same places, same shares, through the store and the overviews; rounding is finer by the depth."""
-    c = canvas(five, CanvasSettings(memory_mb=1, blend=blend), keep_bands="raw")
+    c = canvas(five, CompositorSettings(memory_mb=1, blend=blend), keep_bands="raw")
     for frame in flight(gain=(1.0,) * 5, display=FIVE):
         c.paint(five(frame.name), frame)
     tiles = all_tiles(c)

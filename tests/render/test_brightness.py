@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 from painting_parts import painted, picture
 
-from gcs_mosaic.archive.light import curves_of
+from gcs_mosaic.archive.exposure_compensation import curves_of
 from gcs_mosaic.render.agreement import Overlap, overlap_of
 from gcs_mosaic.render.brightness import Aircraft, Brightness
 from gcs_mosaic.render.exposure import ExposureSettings
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import OUTWARDS, Vignetting, VignettingSettings, radii
 from gcs_mosaic.stitch.arrays import Levels
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
@@ -37,7 +37,7 @@ def test_an_overlap_outlasts_the_moving_of_one_island_to_another() -> None:
     assert brightness.final(there) == known
 
 
-def flown_by_two() -> list[tuple[Painted, Levels, int]]:
+def flown_by_two() -> list[tuple[RenderItem, Levels, int]]:
     """Frames that two aircraft take in turn over one ground, with their thumbnails and whose they are."""
     rng = np.random.default_rng(4)
     ground = rng.normal(110, 15, (300, 400, 3)).astype(np.float32)
@@ -59,7 +59,10 @@ def apart(curves: Vignetting, aircraft: int) -> float:
 
 def errors(*, told_apart: bool) -> list[float]:
     """How wrong the vignetting of each frame is, with or without knowing whose it is."""
-    brightness, beside = Brightness(ExposureSettings(), VignettingSettings(), lambda size: NO_BORDER), list[Painted]()
+    brightness, beside = (
+        Brightness(ExposureSettings(), VignettingSettings(), lambda size: NO_BORDER),
+        list[RenderItem](),
+    )
     for one, thumbnail, aircraft in flown_by_two():
         brightness.settled(one, thumbnail, beside[-4:], aircraft if told_apart else None)
         beside.append(one)

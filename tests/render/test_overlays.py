@@ -9,9 +9,9 @@ import pytest
 from painting_parts import SMALL, painted, picture
 
 from gcs_mosaic.render.blend_modes import MODES
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
-from gcs_mosaic.render.painted import Painted
-from gcs_mosaic.render.repaint_queue import OVERLAY_DIFFERS, Painter, PaintSettings
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
+from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.render.repaint_queue import OVERLAY_DIFFERS, PaintSettings, RepaintQueue
 from gcs_mosaic.render.tile_grid import tiles_over
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -33,9 +33,9 @@ def written_on(name: str) -> Bands:
     return image
 
 
-def white_in(*frames: Painted, blend: str = "seam") -> int:
+def white_in(*frames: RenderItem, blend: str = "seam") -> int:
     """Bright pixels that are shown."""
-    with closing(Canvas(written_on, CanvasSettings(blend=blend))) as canvas:
+    with closing(TileCompositor(written_on, CompositorSettings(blend=blend))) as canvas:
         for frame in frames:
             canvas.paint(written_on(frame.name), frame)
         list(canvas.repaint())
@@ -44,7 +44,7 @@ def white_in(*frames: Painted, blend: str = "seam") -> int:
         return int(sum((tile.colour.max(axis=2) > 120).sum() for tile in shown if tile is not None))
 
 
-def frames(still: StillMask | None) -> tuple[Painted, Painted]:
+def frames(still: StillMask | None) -> tuple[RenderItem, RenderItem]:
     """Two that see the place of the first one's overlay, which lies in its middle; an eighth of a width apart."""
     return painted(0, 100, 100, still=still), painted(1, 120, 100)
 
@@ -66,42 +66,42 @@ def test_where_no_other_frame_sees_the_place_it_is_painted() -> None:
 
 
 @pytest.fixture
-def recorded() -> list[Painted]:
+def recorded() -> list[RenderItem]:
     return []
 
 
 @pytest.fixture
-def painter(recorded: list[Painted]) -> Iterator[Painter]:
-    with closing(Painter(lambda name: picture(int(name)), recorded.append, PaintSettings())) as painter:
-        yield painter
+def queue(recorded: list[RenderItem]) -> Iterator[RepaintQueue]:
+    with closing(RepaintQueue(lambda name: picture(int(name)), recorded.append, PaintSettings())) as queue:
+        yield queue
 
 
-def fly(painter: Painter, *told: StillMask | None) -> None:
+def fly(queue: RepaintQueue, *told: StillMask | None) -> None:
     for order, still in enumerate(told):
         one = placement(str(order), Pose(order * 400.0, 0.0), SMALL, still=still)
-        painter.paint_new(picture(order), picture(order)[::4, ::4], one, order)
+        queue.paint_new(picture(order), picture(order)[::4, ::4], one, order)
 
 
-def test_frames_painted_before_it_was_known_are_painted_again(painter: Painter, recorded: list[Painted]) -> None:
-    fly(painter, None, None, STILL, None)
+def test_frames_painted_before_it_was_known_are_painted_again(queue: RepaintQueue, recorded: list[RenderItem]) -> None:
+    fly(queue, None, None, STILL, None)
     assert [one.still for one in recorded] == [None, None, STILL, STILL]
-    assert painter.has_repaints
-    while painter.repaint_some() is not None:
+    assert queue.has_repaints
+    while queue.repaint_some() is not None:
         pass
     assert {one.name: one.still for one in recorded} == {str(k): STILL for k in range(4)}
 
 
-def test_at_the_end_all_are_painted_without_it(painter: Painter, recorded: list[Painted]) -> None:
-    fly(painter, None, STILL)
-    for _ in painter.repaint_all([]):
+def test_at_the_end_all_are_painted_without_it(queue: RepaintQueue, recorded: list[RenderItem]) -> None:
+    fly(queue, None, STILL)
+    for _ in queue.repaint_all([]):
         pass
     assert {one.name: one.still for one in recorded} == {"0": STILL, "1": STILL}
 
 
-def test_for_another_outline_nothing_is_painted_again(painter: Painter, recorded: list[Painted]) -> None:
+def test_for_another_outline_nothing_is_painted_again(queue: RepaintQueue, recorded: list[RenderItem]) -> None:
     wider = BLOCKS.copy()
     wider[10:20, 28] = True
     assert StillMask.of(wider).differs(STILL) < OVERLAY_DIFFERS
-    fly(painter, STILL, StillMask.of(wider))
+    fly(queue, STILL, StillMask.of(wider))
     assert {one.still for one in recorded} == {STILL}
-    assert not painter.has_repaints
+    assert not queue.has_repaints

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from painting_parts import SMALL, picture
 
-from gcs_mosaic.render import repaint_queue as painter_module
+from gcs_mosaic.render import repaint_queue as module
 from gcs_mosaic.render.displacement import displacement
-from gcs_mosaic.render.painted import Painted, TileKey
-from gcs_mosaic.render.repaint_queue import CHECKED_AT_ONCE, Painter, PaintSettings
+from gcs_mosaic.render.render_list import RenderItem, TileKey
+from gcs_mosaic.render.repaint_queue import CHECKED_AT_ONCE, PaintSettings, RepaintQueue
 from gcs_mosaic.render.tile_grid import tiles_over
 from gcs_mosaic.render.vignetting import FLAT
 from gcs_mosaic.stitch.arrays import Bands
@@ -31,79 +31,79 @@ def placed(number: int, x: float, island: int = 0, gsd: float = 1.0) -> Placemen
 
 
 @pytest.fixture
-def recorded() -> list[Painted]:
+def recorded() -> list[RenderItem]:
     return []
 
 
 @pytest.fixture
-def painter(recorded: list[Painted]) -> Iterator[Painter]:
-    painter = Painter(lambda name: picture(int(name)), recorded.append, PaintSettings())
-    yield painter
-    painter.close()
+def queue(recorded: list[RenderItem]) -> Iterator[RepaintQueue]:
+    queue = RepaintQueue(lambda name: picture(int(name)), recorded.append, PaintSettings())
+    yield queue
+    queue.close()
 
 
-def paint(painter: Painter, placements: Iterable[Placement]) -> None:
+def paint(queue: RepaintQueue, placements: Iterable[Placement]) -> None:
     for order, one in enumerate(placements):
-        painter.paint_new(picture(order), picture(order)[::4, ::4], one, order)
+        queue.paint_new(picture(order), picture(order)[::4, ::4], one, order)
 
 
-def repainted(painter: Painter) -> list[set[TileKey]]:
+def repainted(queue: RepaintQueue) -> list[set[TileKey]]:
     """The sets of tiles that change, in turn."""
     changes = []
-    while (changed := painter.repaint_some()) is not None:
+    while (changed := queue.repaint_some()) is not None:
         changes += [changed] if changed else []
     return changes
 
 
-def test_the_most_displaced_frame_is_repainted_first(painter: Painter) -> None:
+def test_the_most_displaced_frame_is_repainted_first(queue: RepaintQueue) -> None:
     there = [placed(k, k * APART) for k in range(4)]
-    paint(painter, there)
+    paint(queue, there)
     by = [3.0, 40.0, 0.5, 12.0]
-    painter.follow(replace(p, pose=replace(p.pose, x=p.pose.x + off)) for p, off in zip(there, by, strict=True))
-    finest = [max(change, key=lambda key: key[1].z)[1] for change in repainted(painter)]
+    queue.follow(replace(p, pose=replace(p.pose, x=p.pose.x + off)) for p, off in zip(there, by, strict=True))
+    finest = [max(change, key=lambda key: key[1].z)[1] for change in repainted(queue)]
     assert [round((tile.x * 256 - 2**23) / APART) for tile in finest] == [1, 3, 0]
-    assert not painter.has_repaints
+    assert not queue.has_repaints
 
 
-def test_a_frame_of_another_island_comes_before_all_others(painter: Painter) -> None:
+def test_a_frame_of_another_island_comes_before_all_others(queue: RepaintQueue) -> None:
     there = [placed(0, 0.0), placed(1, APART)]
-    paint(painter, there)
-    painter.follow([replace(there[0], pose=Pose(500.0, 0.0)), replace(there[1], island=1)])
-    islands = [{island for island, _ in change} for change in repainted(painter)]
+    paint(queue, there)
+    queue.follow([replace(there[0], pose=Pose(500.0, 0.0)), replace(there[1], island=1)])
+    islands = [{island for island, _ in change} for change in repainted(queue)]
     assert islands == [{1}, {0}, {0}]  # where it lies, where it lay, and then the other
 
 
-def test_frames_that_moved_back_are_left_alone(painter: Painter, recorded: list[Painted]) -> None:
+def test_frames_that_moved_back_are_left_alone(queue: RepaintQueue, recorded: list[RenderItem]) -> None:
     there = [placed(0, 0.0)]
-    paint(painter, there)
-    painter.follow([placed(0, 30.0)])
-    painter.follow(there)
-    assert painter.has_repaints
-    assert repainted(painter) == []
+    paint(queue, there)
+    queue.follow([placed(0, 30.0)])
+    queue.follow(there)
+    assert queue.has_repaints
+    assert repainted(queue) == []
     assert len(recorded) == 1
 
 
 @pytest.mark.long
-def test_no_call_looks_at_more_than_some_frames(painter: Painter, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_call_looks_at_more_than_some_frames(queue: RepaintQueue, monkeypatch: pytest.MonkeyPatch) -> None:
     looked = 0
 
-    def measure(painted: Painted, placement: Placement) -> float:
+    def measure(painted: RenderItem, placement: Placement) -> float:
         nonlocal looked
         looked += 1
         return displacement(painted, placement)
 
-    monkeypatch.setattr(painter_module, "displacement", measure)
+    monkeypatch.setattr(module, "displacement", measure)
     there = [placed(k, 400.0 * k) for k in range(CHECKED_AT_ONCE + 20)]
-    paint(painter, there)
-    painter.follow(there)
+    paint(queue, there)
+    queue.follow(there)
     assert looked == 0
-    painter.repaint_some()
+    queue.repaint_some()
     assert looked == CHECKED_AT_ONCE
-    repainted(painter)
+    repainted(queue)
     assert looked == len(there)
 
 
-def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded: list[Painted]) -> None:
+def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded: list[RenderItem]) -> None:
     """Every other frame from a thermal camera: each kind is shown by its own display, and agrees with its own kind."""
 
     def seen(name: str) -> Bands:
@@ -112,12 +112,12 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
             return (light[..., :1] + 29_000).astype(np.uint16)
         return np.clip(light * 0.6, 0, 255).astype(np.uint8)
 
-    with closing(Painter(seen, recorded.append, PaintSettings())) as painter:
+    with closing(RepaintQueue(seen, recorded.append, PaintSettings())) as queue:
         names = [str(k) for k in range(6)]
         there = [replace(placed(k, 0.0), neighbours=tuple(names[:k])) for k in range(6)]
         for order, one in enumerate(there):
-            painter.paint_new(seen(one.name), seen(one.name), one, order)
-        list(painter.repaint_all(there))
+            queue.paint_new(seen(one.name), seen(one.name), one, order)
+        list(queue.repaint_all(there))
     last = {painted.name: painted for painted in recorded}
     assert [len(last[name].gain) for name in names] == [3, 1, 3, 1, 3, 1]
     assert len({last[name].display.of_camera for name in names}) == 2
@@ -131,12 +131,12 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
         assert after[1] / after[0] == pytest.approx(1, abs=0.05)
 
 
-def test_frames_of_about_one_height_are_painted_at_one_level(painter: Painter, recorded: list[Painted]) -> None:
+def test_frames_of_about_one_height_are_painted_at_one_level(queue: RepaintQueue, recorded: list[RenderItem]) -> None:
     """Those of finer levels would hide the others, and whoever only those have seen."""
     flown = [placed(k, 40.0 * k, gsd=gsd) for k, gsd in enumerate((1.45, 1.7, 1.75, 1.75, 1.7, 1.3))]
-    paint(painter, flown)
+    paint(queue, flown)
     assert [painted.level for painted in recorded] == [16, 15, 15, 15, 15, 16]
-    for _ in painter.repaint_all(flown):
+    for _ in queue.repaint_all(flown):
         pass
     assert {painted.name: painted.level for painted in recorded} == dict(zip("012345", [15] * 5 + [16], strict=True))
 
@@ -148,22 +148,22 @@ def seen_with_black_lines(number: int) -> np.ndarray:
 
 
 @pytest.fixture
-def black_lined(recorded: list[Painted]) -> Iterator[Painter]:
-    painter = Painter(lambda name: seen_with_black_lines(int(name)), recorded.append, PaintSettings())
-    yield painter
-    painter.close()
+def black_lined(recorded: list[RenderItem]) -> Iterator[RepaintQueue]:
+    queue = RepaintQueue(lambda name: seen_with_black_lines(int(name)), recorded.append, PaintSettings())
+    yield queue
+    queue.close()
 
 
-def paint_black_lined(painter: Painter, count: int) -> list[Placement]:
+def paint_black_lined(queue: RepaintQueue, count: int) -> list[Placement]:
     there = [placed(k, k * 400.0) for k in range(count)]
     for order, one in enumerate(there):
         image = seen_with_black_lines(order)
-        painter.paint_new(image, image[::4, ::4], one, order)
+        queue.paint_new(image, image[::4, ::4], one, order)
     return there
 
 
 def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(
-    black_lined: Painter, recorded: list[Painted]
+    black_lined: RepaintQueue, recorded: list[RenderItem]
 ) -> None:
     paint_black_lined(black_lined, FRAMES + 1)
     border = recorded[-1].dead
@@ -179,20 +179,20 @@ def test_a_dead_border_is_left_out_of_frames_painted_before_it_was_known(
     assert min(darkest) > 40
 
 
-def test_the_border_of_one_aircraft_s_camera_is_not_that_of_another_s(recorded: list[Painted]) -> None:
+def test_the_border_of_one_aircraft_s_camera_is_not_that_of_another_s(recorded: list[RenderItem]) -> None:
     """Frames of one size, of which those of the first aircraft alone have black lines, by turns."""
 
     def seen(name: str) -> np.ndarray:
         return seen_with_black_lines(int(name)) if int(name) % 2 == 0 else picture(int(name))
 
-    with closing(Painter(seen, recorded.append, PaintSettings())) as painter:
+    with closing(RepaintQueue(seen, recorded.append, PaintSettings())) as queue:
         for order in range(2 * FRAMES + 2):
             image, at = seen(str(order)), replace(placed(order, order * 400.0), aircraft=1 + order % 2)
-            painter.paint_new(image, image[::4, ::4], at, order)
-        repainted(painter)
+            queue.paint_new(image, image[::4, ::4], at, order)
+        repainted(queue)
         corner = np.array([(SMALL.width - 1, SMALL.height - 1)], np.float32)
         features = Features(corner, np.zeros((1, 128), np.uint8), SMALL.width, SMALL.height, 1.0)
-        in_sight = [len(painter.in_sight(features, picture(0), aircraft)) for aircraft in (1, 2)]
+        in_sight = [len(queue.in_sight(features, picture(0), aircraft)) for aircraft in (1, 2)]
     dead = {painted.name: painted.dead for painted in recorded}
     lined, other = ({dead[str(order)] for order in range(first, 2 * FRAMES + 2, 2)} for first in (0, 1))
     assert other == {NO_BORDER}
@@ -202,7 +202,9 @@ def test_the_border_of_one_aircraft_s_camera_is_not_that_of_another_s(recorded: 
     assert in_sight == [0, 1]
 
 
-def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined: Painter, recorded: list[Painted]) -> None:
+def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(
+    black_lined: RepaintQueue, recorded: list[RenderItem]
+) -> None:
     there = paint_black_lined(black_lined, FRAMES + 1)
     for _ in black_lined.repaint_all(there):
         pass
@@ -213,7 +215,7 @@ def test_it_is_left_out_at_the_end_of_a_flight_without_pauses(black_lined: Paint
     assert not black_lined.has_repaints
 
 
-def test_features_beside_a_dead_border_are_not_in_sight(black_lined: Painter) -> None:
+def test_features_beside_a_dead_border_are_not_in_sight(black_lined: RepaintQueue) -> None:
     """The frame is painted at half the size at which its features are told."""
     width, height = 2 * SMALL.width, 2 * SMALL.height
     points = np.array([(30, 30), (30, height - 8), (width - 8, 30), (5, 30), (30, 5)], np.float32)
@@ -225,7 +227,7 @@ def test_features_beside_a_dead_border_are_not_in_sight(black_lined: Painter) ->
 
 
 @pytest.mark.parametrize("pair", [(1, 2), (2, FRAMES + 1), (FRAMES, FRAMES + 1)])
-def test_brightness_is_not_told_from_bars(recorded: list[Painted], pair: tuple[int, int]) -> None:
+def test_brightness_is_not_told_from_bars(recorded: list[RenderItem], pair: tuple[int, int]) -> None:
     """Two frames of one light, the bar of the later one on ground of the other; painted before or after it is known."""
 
     def barred(name: str) -> np.ndarray:
@@ -236,10 +238,10 @@ def test_brightness_is_not_told_from_bars(recorded: list[Painted], pair: tuple[i
     one, other = pair
     there = [placed(k, k * APART) for k in range(FRAMES + 2)]
     there[other] = replace(there[other], pose=Pose(one * APART, 40.0), neighbours=(str(one),))
-    with closing(Painter(barred, recorded.append, PaintSettings())) as painter:
+    with closing(RepaintQueue(barred, recorded.append, PaintSettings())) as queue:
         for order, at in enumerate(there):
-            painter.paint_new(barred(at.name), barred(at.name), at, order)
-        for _ in painter.repaint_all(there):
+            queue.paint_new(barred(at.name), barred(at.name), at, order)
+        for _ in queue.repaint_all(there):
             pass
     last = {painted.name: painted for painted in recorded}
     assert {painted.dead for painted in last.values()} == {last["0"].dead}
@@ -249,12 +251,12 @@ def test_brightness_is_not_told_from_bars(recorded: list[Painted], pair: tuple[i
 
 @pytest.mark.parametrize("palette", [None, cv2.COLORMAP_INFERNO])
 def test_only_frames_in_false_colour_keep_their_tones(
-    painter: Painter, recorded: list[Painted], palette: int | None
+    queue: RepaintQueue, recorded: list[RenderItem], palette: int | None
 ) -> None:
     """Two frames of one place, the second half as bright: those in false colour are painted as they came."""
     grey = np.random.default_rng(2).integers(0, 256, (*picture(0).shape[:2], 1))
     for number, brightness in enumerate([1.0, 0.5]):
         image = np.repeat((grey * brightness).astype(np.uint8), 3, axis=2)
         shown = image if palette is None else cv2.applyColorMap(image, palette)
-        painter.paint_new(shown, shown[::4, ::4], replace(placed(number, 0.0), neighbours=("0",) * number), number)
+        queue.paint_new(shown, shown[::4, ::4], replace(placed(number, 0.0), neighbours=("0",) * number), number)
     assert ((recorded[-1].gain, recorded[-1].vignetting) == ((1.0, 1.0, 1.0), FLAT)) == (palette is not None)

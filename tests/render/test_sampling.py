@@ -7,7 +7,7 @@ from painting_parts import hilly, painted, picture
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.cells import CELL, PARTLY, WHOLLY, Window
 from gcs_mosaic.render.display import PLAIN
-from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.frame_warp import frame_warp
 from gcs_mosaic.render.sampling import at_cells, at_middles, inside, lattice_part
 from gcs_mosaic.render.warp import tile_picture
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
@@ -26,12 +26,12 @@ FRAME: dict[str, Any] = {
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_part_of_a_frame_is_seen_as_the_whole_is(mode: str) -> None:
-    frame = sure(placed(painted(0, **FRAME)))
+    frame = sure(frame_warp(painted(0, **FRAME)))
     look = MODES[mode].look
-    sight = None if look is None else look(picture(0), (PLAIN, frame.painted.dead))
+    maps = None if look is None else look(picture(0), (PLAIN, frame.painted.dead))
     window = frame.window
     part = window._replace(left=window.left + 1, bottom=window.bottom - 1)
-    whole, cut = MODES[mode].see(frame, sight, window), MODES[mode].see(frame, sight, part)
+    whole, cut = MODES[mode].see(frame, maps, window), MODES[mode].see(frame, maps, part)
     rows, columns = window.of(part)
     for name in ("inside", "score", "planes"):
         np.testing.assert_array_equal(getattr(whole, name)[..., rows, columns], getattr(cut, name))
@@ -39,7 +39,7 @@ def test_a_part_of_a_frame_is_seen_as_the_whole_is(mode: str) -> None:
 
 @pytest.mark.parametrize("dead", [DeadBorder(), DeadBorder(3, 0, 20, 7)])
 def test_a_cell_is_covered_as_its_pixels_are(dead: DeadBorder) -> None:
-    frame = sure(placed(painted(0, **FRAME, dead=dead)))
+    frame = sure(frame_warp(painted(0, **FRAME, dead=dead)))
     found = {0: 0, PARTLY: 0, WHOLLY: 0}
     for tile in frame.lattice.tiles():
         window = Window(0, tile.z, tile.y, tile.x, tile.y, tile.x)

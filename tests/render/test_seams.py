@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 from painting_parts import painted
 
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.blend_maps import BEYOND
 from gcs_mosaic.render.cells import WHOLLY, Cells, Seen, lay_over, unknown
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import PLAIN
-from gcs_mosaic.render.looks import BEYOND
 from gcs_mosaic.render.seams import FAR, KEPT, LOOK, NEAR, THINGS, decide, look_for_seams
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
@@ -85,7 +85,7 @@ def test_detail_is_greater_in_the_sharper_of_two_frames() -> None:
     assert np.all(one > 1.3 * other)
 
 
-def map_of(canvas: Canvas, columns: int) -> np.ndarray:
+def map_of(canvas: TileCompositor, columns: int) -> np.ndarray:
     """Two rows of tiles."""
     tiles = [[canvas.tile(0, Tile(16, (1 << 15) + x, (1 << 15) + y)) for x in range(columns)] for y in range(2)]
     return np.vstack([np.hstack([sure(tile).colour for tile in row]) for row in tiles])
@@ -93,7 +93,7 @@ def map_of(canvas: Canvas, columns: int) -> np.ndarray:
 
 def test_each_place_is_from_one_frame_but_for_a_few_pixels() -> None:
     camera = Camera(640, 480, focal=1.2)
-    with Canvas(lambda name: None, CanvasSettings(interpolation="linear")) as canvas:
+    with TileCompositor(lambda name: None, CompositorSettings(interpolation="linear")) as canvas:
         for order, value in enumerate((60, 200)):
             canvas.paint(
                 np.full((480, 640, 3), value, np.uint8), painted(order, 320.0 + 300 * order, 240.0, camera=camera)
@@ -114,7 +114,7 @@ def test_someone_who_walks_is_seen_whole_wherever_they_were() -> None:
     for i, x in enumerate((150, 260, 420), 1):
         pictures[f"{i}.jpg"] = rough.copy()
         pictures[f"{i}.jpg"][300:309, x : x + 9] = (60, 60, 220)
-    with Canvas(lambda name: None, CanvasSettings(interpolation="linear")) as canvas:
+    with TileCompositor(lambda name: None, CompositorSettings(interpolation="linear")) as canvas:
         for order, (name, picture) in enumerate(pictures.items()):
             frame = painted(order, 320.0, 240.0, camera=camera)
             assert frame.name == name
@@ -129,7 +129,7 @@ def test_someone_who_steps_over_a_seam_is_not_lost(way: tuple[int, int], apart: 
     """Two frames side by side, the seam of which somebody has reached, passed or is about to pass."""
     camera = Camera(640, 480, focal=1.2)
     rough = np.random.default_rng(3).normal(100, 4, (600, 1000, 3))
-    with Canvas(lambda name: None, CanvasSettings(interpolation="linear")) as canvas:
+    with TileCompositor(lambda name: None, CompositorSettings(interpolation="linear")) as canvas:
         for order, left in enumerate((0, 300)):
             ground = rough.copy()
             x, y = 470 - 60 + apart + order * way[0], 240 + order * way[1]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_mosaic.render.painted import TileKey
+from gcs_mosaic.render.render_list import TileKey
 from gcs_mosaic.render.tile_cache import Layer, Store, full_coverage, make_layer
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.warp_grid import LATTICE

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from painting_parts import painted
 
-from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.cells import CELLS, Window
+from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.render.display import PLAIN
-from gcs_mosaic.render.looks import Sight
-from gcs_mosaic.render.placed import placed
+from gcs_mosaic.render.frame_warp import frame_warp
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.tone import FINE, MOST_SHIFT, REACH, SQUARES, shifts, wide
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
@@ -16,17 +16,17 @@ from gcs_mosaic.stitch.camera.geometry import Camera
 from tests.sure import sure
 
 CAMERA = Camera(2000, 1000, 1.2)
-FRAME = sure(placed(painted(0, 1000.0, 500.0, camera=CAMERA)))
+FRAME = sure(frame_warp(painted(0, 1000.0, 500.0, camera=CAMERA)))
 WINDOW = Window(0, 16, 1 << 15, 1 << 15, (1 << 15) + 2, (1 << 15) + 5)
 SEAM = 3 * CELLS  # frame 0 shows to the left of it, frame 1 to the right
 FIRST = np.where(np.arange(WINDOW.shape[1]) < SEAM, 0, 1)[None].repeat(WINDOW.shape[0], 0).astype(np.int32)
 
 
-def sight(tone: float, coloured: float = 0.0) -> Sight:
-    return Sight((PLAIN, NO_BORDER), (), None, np.full((10, 10, 4), [tone] * 3 + [coloured], np.float16))
+def maps(tone: float, coloured: float = 0.0) -> BlendMaps:
+    return BlendMaps((PLAIN, NO_BORDER), (), None, np.full((10, 10, 4), [tone] * 3 + [coloured], np.float16))
 
 
-def shifted(one: Sight, other: Sight, window: Window = WINDOW) -> list[np.ndarray]:
+def shifted(one: BlendMaps, other: BlendMaps, window: Window = WINDOW) -> list[np.ndarray]:
     """Of both frames, in grey levels, along a row of squares in the window's middle; 0 where they need none."""
     first = FIRST[: window.shape[0], WINDOW.of(window)[1]]
     rows = []
@@ -39,7 +39,7 @@ def shifted(one: Sight, other: Sight, window: Window = WINDOW) -> list[np.ndarra
 
 
 def test_frames_meet_half_way_and_are_left_alone_far_from_the_seam() -> None:
-    of_one, of_other = shifted(sight(100), sight(106))
+    of_one, of_other = shifted(maps(100), maps(106))
     at = SEAM // 2
     assert of_one[at - 1] == pytest.approx(3, abs=0.7)
     assert of_other[at] == pytest.approx(-3, abs=0.7)
@@ -50,19 +50,19 @@ def test_frames_meet_half_way_and_are_left_alone_far_from_the_seam() -> None:
 
 
 def test_what_is_no_light_is_not_taken_for_it() -> None:
-    of_one, of_other = shifted(sight(30), sight(230))
+    of_one, of_other = shifted(maps(30), maps(230))
     assert max(np.abs(of_one).max(), np.abs(of_other).max()) == MOST_SHIFT
 
 
 @pytest.mark.parametrize(("coloured", "moved"), [(0.0, True), (1.0, True), (2.5, False)])
 def test_tones_do_not_follow_a_thing_that_only_one_frame_has(coloured: float, moved: bool) -> None:
-    of_one, _ = shifted(sight(100), sight(106, coloured))
+    of_one, _ = shifted(maps(100), maps(106, coloured))
     assert (abs(of_one[SEAM // 2 - 1]) > 1) == moved
 
 
 def test_a_part_of_the_map_tells_the_same() -> None:
     part = WINDOW._replace(left=WINDOW.left + 2, right=WINDOW.right - 1)
-    for whole, cut in zip(shifted(sight(100), sight(106)), shifted(sight(100), sight(106), part), strict=True):
+    for whole, cut in zip(shifted(maps(100), maps(106)), shifted(maps(100), maps(106), part), strict=True):
         np.testing.assert_array_equal(whole[2 * SQUARES + REACH : 5 * SQUARES - REACH], cut[REACH:-REACH])
 
 
@@ -77,7 +77,7 @@ def test_what_shows_around_is_told_in_whole_numbers() -> None:
 
 def test_light_that_differs_leaves_no_step() -> None:
     camera = Camera(640, 480, focal=1.2)
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         for order, value in enumerate((100, 106)):
             frame = painted(order, 320.0 + 300 * order, 240.0, camera=camera)
             canvas.paint(np.full((480, 640, 3), value, np.uint8), frame)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
@@ -33,7 +33,7 @@ def hilly(seed: int) -> ReliefDisplacement:
 
 
 class Looks(TypedDict, total=False):
-    """Fields of Painted that `painted` leaves as they are."""
+    """Fields of RenderItem that `painted` leaves as they are."""
 
     relief: ReliefDisplacement | None
     gain: tuple[float, ...]
@@ -56,8 +56,8 @@ def painted(
     island: int = 0,
     level: int | None = None,
     **looks: Unpack[Looks],
-) -> Painted:
+) -> RenderItem:
     """Frame number `order` of a small camera, at its own level if none is given."""
     pose = Pose(x, y, float(np.log(gsd)), yaw, pitch, roll)
     level = own_level(pose, camera) if level is None else level
-    return Painted(name=f"{order}.jpg", order=order, island=island, pose=pose, camera=camera, level=level, **looks)
+    return RenderItem(name=f"{order}.jpg", order=order, island=island, pose=pose, camera=camera, level=level, **looks)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gcs_mosaic.render.painted import PaintedFrames
+from gcs_mosaic.render.render_list import RenderList
 from gcs_mosaic.render.tile_cache import Store, _Held
 from gcs_mosaic.stitch.features.retrieval import PER_FRAME, RetrievalIndex
 from gcs_mosaic.store.array_shelf import ArrayShelf, ShelvedArray
@@ -26,13 +26,13 @@ PLAIN = (type(None), bool, int, float, str, bytes, np.generic, PurePath, itertoo
 CODE = (type, FunctionType, BuiltinFunctionType, MethodType, ModuleType)
 # What goes on outside whatever is undone here: a worker is given its task again, files and threads are no memory, what looks
 # on may be let go, and what is only kept at hand can be had again; what processes can decode belongs to the pictures.
-OUTSIDE = {"_worker", "_worker_is_at", "_observer", "_observers", "ledger", "_pool", "_file", "_gallery", "_maker"}
+OUTSIDE = {"_worker", "_worker_is_at", "_observer", "_observers", "ledger", "_pool", "_file", "_frame_cache", "_maker"}
 OUTSIDE |= {"decoders"}
 # Spare room, where an array is, and which of equal tiles stands for all: none says anything about what is kept.
 NO_STATE: dict[type, set[str]] = {
     Store: {"_cached", "_holes", "_end", "_used", "problem"},
     ArrayShelf: {"_cached", "_used", "_numbers", "_gone", "problem"},
-    PaintedFrames: {"_tiles"},
+    RenderList: {"_tiles"},
 }
 
 

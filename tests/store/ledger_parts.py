@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gcs_mosaic.messages import CaptureResult, Frame, Position, Source, TriggerEvent, content_hash
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.still_mask import StillMask
@@ -61,8 +61,8 @@ def an_estimate(pose: Pose, residual_px: float | None = 1.0, corner_deviation_px
     )
 
 
-def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float = 1.4) -> Painted:
-    return Painted(
+def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float = 1.4) -> RenderItem:
+    return RenderItem(
         name=name,
         order=order,
         island=island,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.messages import DamagedFile, Frame, content_hash
-from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.records import FrameState, IslandRecord
 from tests.factories import frame
@@ -17,7 +17,7 @@ from tests.sure import sure
 
 @pytest.mark.parametrize("damaged", [1, 2])
 def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path: Path, damaged: int) -> None:
-    with closing(FlightStore(tmp_path)) as store, Canvas(lambda name: None) as canvas:
+    with closing(FlightStore(tmp_path)) as store, TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [], {})
         for number in range(damaged):
             store.accept_damaged(DamagedFile(name=f"{number}.jpg", reason="truncated"))
@@ -36,9 +36,9 @@ def island(number: int, into: int | None = None) -> IslandRecord:
 
 
 def test_islands_of_after_the_checkpoint_are_found_again(tmp_path: Path) -> None:
-    with closing(FlightStore(tmp_path)) as store, Canvas(lambda name: None) as canvas:
+    with closing(FlightStore(tmp_path)) as store, TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [island(0), island(1, into=0), island(2)], {})
-    with closing(FlightStore(tmp_path)) as store, Canvas(lambda name: None) as canvas:
+    with closing(FlightStore(tmp_path)) as store, TileCompositor(lambda name: None) as canvas:
         store.resume([], [])
         store.save(canvas, [island(0), island(1)], {})
         assert store.ledger.islands() == [island(0), island(1), island(2)]
@@ -49,7 +49,7 @@ def test_islands_of_after_the_checkpoint_are_found_again(tmp_path: Path) -> None
 
 def test_frames_keep_their_order_when_a_flight_is_resumed(tmp_path: Path) -> None:
     """Also beside one that could not be decoded, and one that was whole only at the second look."""
-    with closing(FlightStore(tmp_path)) as store, Canvas(lambda name: None) as canvas:
+    with closing(FlightStore(tmp_path)) as store, TileCompositor(lambda name: None) as canvas:
         store.accept_damaged(DamagedFile(name="3.jpg", reason="truncated"))
         came = [sure(store.accept(made(tmp_path, number))[0]).name for number in range(4)]
         store.settle("1.jpg", FrameState.DAMAGED, "no picture")

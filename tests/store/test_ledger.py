@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import DamagedFile, Notice, Position
-from gcs_mosaic.render.canvas import CanvasSettings
+from gcs_mosaic.render.compositor import CompositorSettings
 from gcs_mosaic.render.display import PLAIN, Display
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
@@ -127,7 +127,7 @@ def test_painted_frame_comes_back_to_the_last_bit(
     dead: DeadBorder,
 ) -> None:
     values = [*place, log_gsd, *values]
-    painted = Painted(
+    painted = RenderItem(
         name="a.jpg",
         order=3,
         island=0,
@@ -201,7 +201,7 @@ def one_frame_and_a_mistake(ledger: Ledger) -> None:
 
 
 def test_everything_is_there_after_opening_again(tmp_path: Path) -> None:
-    flight = FlightRecord(name="2024-05-01 12:00", started_utc=1.7e9, canvas=CanvasSettings(blend="first"))
+    flight = FlightRecord(name="2024-05-01 12:00", started_utc=1.7e9, canvas=CompositorSettings(blend="first"))
     with Ledger(tmp_path / "flight.sqlite") as ledger:
         ledger.begin_flight(flight)
         ledger.record_frame(a_frame("a.jpg"))
@@ -319,7 +319,7 @@ def test_what_is_known_of_the_focal_length_is_kept(ledger: Ledger, deviation: fl
 
 def test_a_canvas_that_is_chosen_later_is_the_one_that_is_known(ledger: Ledger) -> None:
     ledger.begin_flight(FlightRecord(name="any", started_utc=1.0))
-    chosen = CanvasSettings(blend="newest")
+    chosen = CompositorSettings(blend="newest")
     assert sure(ledger.flight()).canvas != chosen
     ledger.set_canvas(chosen)
     assert sure(ledger.flight()).canvas == chosen

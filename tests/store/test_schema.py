@@ -10,7 +10,7 @@ import pytest
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.render.canvas import CanvasSettings
+from gcs_mosaic.render.compositor import CompositorSettings
 from gcs_mosaic.render.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -68,7 +68,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
     old.close()
     with Ledger(path, read_only=read_only) as ledger:
         assert ledger.painted(painted.island) == [replace(painted, vignetting=FLAT, dead=NO_BORDER, still=None)]
-        canvas = CanvasSettings(blend="edge")  # the only way to mix frames that those versions had by default
+        canvas = CompositorSettings(blend="edge")  # the only way to mix frames that those versions had by default
         assert ledger.flight() == FlightRecord(name="old", started_utc=1.0, canvas=canvas)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -53,7 +53,7 @@ def shot(
     ledger.settle_frame(name, state, "too dark" if state is FrameState.REJECTED else None)
     if state is FrameState.PLACED:
         pose = Pose(100.0 * number, 50.0)
-        ledger.record_painted(Painted(name=name, order=number, island=island, pose=pose, camera=CAMERA, level=16))
+        ledger.record_painted(RenderItem(name=name, order=number, island=island, pose=pose, camera=CAMERA, level=16))
 
 
 def test_a_shot_lies_between_those_before_and_after_it(ledger: Ledger, tmp_path: Path) -> None:

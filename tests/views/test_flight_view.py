@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.store.documents import write_json
@@ -22,9 +22,9 @@ LENS = Camera(400, 300, focal=1.4, k1=-0.1)
 BUMPS = ReliefDisplacement.from_grid(np.random.default_rng(1).normal(0, 0.004, (13, 17, 2)))
 
 
-def painted(name: str, x: float, island: int = 0) -> Painted:
+def painted(name: str, x: float, island: int = 0) -> RenderItem:
     pose = Pose(x, 0.0, yaw=0.3, pitch=0.1)
-    return Painted(name=name, order=0, island=island, pose=pose, camera=LENS, relief=BUMPS, level=16)
+    return RenderItem(name=name, order=0, island=island, pose=pose, camera=LENS, relief=BUMPS, level=16)
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -34,7 +34,7 @@ def seen_flight(root: Path) -> SmallFlight:
             pose = Pose(column * 200.0, row * 150.0)
             ledger.record_frame(frame(name, modified=1.7e9))
             ledger.record_size(name, CAMERA.width, CAMERA.height, BLURRED if (column, row) == (4, 3) else 0.2)
-            ledger.record_painted(Painted(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
+            ledger.record_painted(RenderItem(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
             flight.place(name, column * 200.0, row * 150.0)
     flight.paint(Tile(16, MIDDLE, MIDDLE), RED)
     flight.islands = [IslandEntry(id=0, bounds=(-256, -256, 1024, 768), minzoom=13, maxzoom=16, frames=19)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.messages import content_hash
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -42,7 +42,7 @@ def flown(folder: Path, width: int, height: int) -> SmallFlight:
         ledger.settle_frame(NAME, FrameState.PLACED)
         camera = Camera(width, height, focal=1.0)
         pose = Pose(128.0, 128.0)
-        ledger.record_painted(Painted(name=NAME, order=0, island=0, pose=pose, camera=camera, level=16))
+        ledger.record_painted(RenderItem(name=NAME, order=0, island=0, pose=pose, camera=camera, level=16))
     flight.paint(Tile(16, MIDDLE, MIDDLE), RED)
     flight.place(NAME, 128, 128)
     flight.write()

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.web import visitor
+from gcs_mosaic.web import request_handler
 from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.door import listening
+from gcs_mosaic.web.address_quota import AddressQuota, origin_of
 from gcs_mosaic.web.feed import Feed
-from gcs_mosaic.web.places import Places, origin_of
+from gcs_mosaic.web.listener import listening
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.sparing_log import SparingHandler
@@ -31,7 +31,7 @@ REQUEST = b"GET /mosaic.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 
 @pytest.fixture
 def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    monkeypatch.setattr(visitor, "TICK_S", 0.02)
+    monkeypatch.setattr(request_handler, "TICK_S", 0.02)
     SmallFlight(tmp_path).write()
     server = WebServer(tmp_path, HttpAddress("0.0.0.0", 0), Feed(), settings=HASTY)
     server.start()
@@ -131,7 +131,7 @@ def test_an_answer_that_is_not_taken_is_not_waited_for(port: int, tmp_path: Path
 
 
 def test_places_are_kept_for_this_machine() -> None:
-    places = Places(10, 3)
+    places = AddressQuota(10, 3)
     assert [places.take(f"10.0.0.{n}") for n in range(9)] == [True] * 7 + [False] * 2
     assert [places.take("127.0.0.1") for _ in range(4)] == [True] * 3 + [False]
     places.leave("10.0.0.1")
@@ -142,7 +142,7 @@ def test_places_are_kept_for_this_machine() -> None:
 
 
 def test_who_has_most_makes_room_but_this_machine_for_nobody_else() -> None:
-    places = Places(10, 4)
+    places = AddressQuota(10, 4)
     for origin, count in (("10.0.0.1", 4), ("10.0.0.2", 2), ("127.0.0.1", 4)):
         assert [places.take(origin) for _ in range(count)] == [True] * count
     assert not places.take("10.0.0.3")

@@ -14,7 +14,7 @@ import pytest
 
 from gcs_mosaic.messages import content_hash
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels
@@ -57,7 +57,7 @@ def flight(tmp_path: Path) -> SmallFlight:
             ledger.record_original(name, f"frames/{name}")
             ledger.record_size(name, *SIZE)
             ledger.settle_frame(name, FrameState.PLACED)
-            ledger.record_painted(Painted(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
+            ledger.record_painted(RenderItem(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
     flight.paint(Tile(16, MIDDLE, MIDDLE), RED)
     flight.place("near.jpg", 128, 128)
     flight.write()
@@ -91,7 +91,7 @@ def test_nobody_saw_a_place_that_lies_outside_and_on_dead_rows_nothing_is_seen(f
     assert asked(client, -4000.0, 0.0) == []
     with Ledger(flight.root / LEDGER_NAME) as ledger:
         dead = DeadBorder(left=120)
-        one = Painted(name="near.jpg", order=0, island=0, pose=POSES["near.jpg"], camera=CAMERA, level=16, dead=dead)
+        one = RenderItem(name="near.jpg", order=0, island=0, pose=POSES["near.jpg"], camera=CAMERA, level=16, dead=dead)
         ledger.record_painted(one)
     flight.write()
     time.sleep(1.1)
@@ -152,7 +152,7 @@ def test_sixteen_bits_are_shown_as_on_the_map(flight: SmallFlight, url: str) -> 
         ledger.record_original("thermal.png", "frames/thermal.png")
         ledger.record_size("thermal.png", *SIZE)
         display = Display((0, 0, 0), (2000,), (4000,))
-        one = Painted(
+        one = RenderItem(
             name="thermal.png",
             order=9,
             island=0,

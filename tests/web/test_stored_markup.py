@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from gcs_mosaic.messages import LinkReport, SourceReport
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -47,7 +47,7 @@ def harmful_flight(root: Path) -> SmallFlight:
             pose = Pose(200.0 * number, 100.0)
             ledger.record_frame(frame(name, modified=1.7e9))
             ledger.record_size(name, CAMERA.width, CAMERA.height, 0.2)
-            ledger.record_painted(Painted(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
+            ledger.record_painted(RenderItem(name=name, order=0, island=0, pose=pose, camera=CAMERA, level=16))
             flight.place(name, pose.x, pose.y)
         for number, found in enumerate([names[0], None, names[2]]):
             event = ledger.record_event(trigger_event(number, 100.0 + 2 * number))

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from gcs_mosaic.baseline.mosaic import PaperMosaic
-from gcs_mosaic.baseline.painter import PaperPainter
+from gcs_mosaic.baseline.renderer import PaperRenderer
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.render.painted import Extent, Painted, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
-from gcs_mosaic.render.repaint_queue import LoadImage, Painter, Step
+from gcs_mosaic.render.render_list import Extent, RenderItem, TileKey
+from gcs_mosaic.render.repaint_queue import LoadImage, RepaintQueue, Step
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
@@ -58,8 +58,8 @@ class Stitcher(Protocol):
     def finish(self) -> list[Rejection]: ...
 
 
-class Picture(Protocol):
-    """The painted map as tiles; see `render.canvas.Canvas`."""
+class TiledMap(Protocol):
+    """The painted map as tiles; see `render.compositor.TileCompositor`."""
 
     @property
     def problem(self) -> str | None: ...
@@ -70,10 +70,10 @@ class Picture(Protocol):
 
 
 class Renderer(Protocol):
-    """Paints placed frames; see `render.repaint_queue.Painter`."""
+    """Paints placed frames; see `render.repaint_queue.RepaintQueue`."""
 
     @property
-    def canvas(self) -> Picture: ...
+    def canvas(self) -> TiledMap: ...
     @property
     def has_repaints(self) -> bool: ...
     @property
@@ -85,8 +85,8 @@ class Renderer(Protocol):
     def follow(self, placements: Iterable[Placement]) -> None: ...
     def take_away(self, name: str) -> None: ...
     def next_steps(self) -> list[Step]: ...
-    def resume(self, shown: Iterable[Painted]) -> set[TileKey]: ...
-    def painted(self) -> list[Painted]: ...
+    def resume(self, shown: Iterable[RenderItem]) -> set[TileKey]: ...
+    def painted(self) -> list[RenderItem]: ...
     def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]: ...
     def close(self) -> None: ...
 
@@ -104,7 +104,7 @@ def method_of(
     config: Config,
     worker: WorkerProcess,
     load_original: LoadImage,
-    painted: Callable[[Painted], None],
+    painted: Callable[[RenderItem], None],
     out: Path,
     observer: Observer | None,
     shelve: Shelve,
@@ -119,11 +119,11 @@ def method_of(
     """
     if config.method == "paper":
         paper = PaperMosaic(config.paper, config.reduction)
-        return Method(paper, PaperPainter(paper), lambda image, *, reduction: paper.features_of(image), 0.0)
+        return Method(paper, PaperRenderer(paper), lambda image, *, reduction: paper.features_of(image), 0.0)
     observers = Observers(Journal(), observer)
     mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=observers, shelve=shelve, finer=finer)
-    painter = Painter(
+    renderer = RepaintQueue(
         load_original, painted, config.paint, scratch=out, live=paint_live, load_tile=partial(read_tile, out)
     )
     features = config.stitch.features
-    return Method(mosaic, painter, partial(extract, settings=features), features.megapixels * 1e6)
+    return Method(mosaic, renderer, partial(extract, settings=features), features.megapixels * 1e6)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from gcs_mosaic.app.pipeline.method import method_of
-from gcs_mosaic.app.pipeline.painting import Painting
+from gcs_mosaic.app.pipeline.render_stage import RenderStage
 from gcs_mosaic.app.pipeline.resuming import Run, runs_of, settings_of, shelf_of, source_of, utc_of_zero
 from gcs_mosaic.app.pipeline.rewritten import previews_of
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame, finer_reduction
@@ -19,7 +19,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.frames.decoding.decoders import Decoders
 from gcs_mosaic.messages import Frame, Notice
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.bundle.worker import WorkerProcess
 from gcs_mosaic.stitch.features.extraction import Features, extract
@@ -105,7 +105,7 @@ class Pipeline(Kept):
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
         parts = self._worker, self.load_original, self._note_painted, out, observer, self._shelf.shelve
         method = method_of(config, *parts, self._finer_features, punctual=punctual, paint_live=paint_live)
-        self.mosaic, self._painter = method.stitcher, method.renderer
+        self.mosaic, self._renderer = method.stitcher, method.renderer
         # Features of an image, by `reduction`, used for placing. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
         self._said_problems: dict[str, str | None] = {}  # last one reported, by source or by operation
@@ -113,17 +113,17 @@ class Pipeline(Kept):
         self._processed: dict[str, None] = {}  # frame names, in order of processing
         self._of_flight = _of_flight(config)
         self._checkpoints, self._say = checkpoints, say
-        self._painting = Painting(self._painter, self.store, self, self.load_original, say)
+        self._render_stage = RenderStage(self._renderer, self.store, self, self.load_original, say)
 
     @property
     def has_repaints(self) -> bool:
         """Whether some frames have moved from where they are painted."""
-        return self._painter.has_repaints
+        return self._renderer.has_repaints
 
     @property
     def shows_old_range(self) -> bool:
         """Whether parts of the map are still shown in a range of counts that was fitted anew since."""
-        return self._painter.shows_old_range
+        return self._renderer.shows_old_range
 
     def accounts(self) -> Accounts:
         return self.store.accounts()
@@ -156,9 +156,9 @@ class Pipeline(Kept):
         shown = [painted for island in self.store.ledger.islands() for painted in self.store.ledger.painted(island.id)]
         placed = [placement.name for placement in self.mosaic.placements()]
         again = self.store.resume(self._processed.keys(), placed, [covered.name for covered in self.mosaic.covered()])
-        self.store.remove_tiles_but(self._painter.resume(shown))
+        self.store.remove_tiles_but(self._renderer.resume(shown))
         waiting = [waiting.name for waiting in self.mosaic.waiting()]
-        self.store.tell_whole(self.mosaic.placements(), self._painter.painted(), self.mosaic.covered(), waiting)
+        self.store.tell_whole(self.mosaic.placements(), self._renderer.painted(), self.mosaic.covered(), waiting)
         return again
 
     def _loaded(self, saved: Snapshot) -> bool:
@@ -238,9 +238,9 @@ class Pipeline(Kept):
         self.store.note_measured(name, (seen.width, seen.height), seen.sharpness)
         start = time.perf_counter()
         aircraft = self._camera_of(prepared.frame)
-        self._painter.begin_look(name, prepared.image, aircraft)
+        self._renderer.begin_look(name, prepared.image, aircraft)
         with stage("place", name):
-            in_sight = self._painter.in_sight(prepared.features, prepared.image, aircraft)
+            in_sight = self._renderer.in_sight(prepared.features, prepared.image, aircraft)
             outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), aircraft)
         with stage("adjust", name):
             self._adjusted(self.mosaic.adjust)
@@ -262,8 +262,8 @@ class Pipeline(Kept):
     def repaint_some(self) -> bool:
         """Use spare time to repaint a moved frame; False if there is nothing to do. Call `save` afterwards."""
         with stage("repaint", ""):
-            some = self._painting.repaint_some()
-        self._say_problem("canvas", self._painter.canvas.problem)
+            some = self._render_stage.repaint_some()
+        self._say_problem("canvas", self._renderer.canvas.problem)
         return some
 
     def adjust_in_a_pause(self) -> bool:
@@ -329,23 +329,23 @@ class Pipeline(Kept):
 
     def repaint_all(self) -> Iterator[None]:
         """Repaint everything at its final place and brightness, step by step; may be abandoned at any step when time is up."""
-        yield from self._painting.repaint_all(self.mosaic.placements())
+        yield from self._render_stage.repaint_all(self.mosaic.placements())
 
     def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
         """Paint newly placed frames and return their names; note those that must be repainted elsewhere."""
         self._leave_out_previews()
         moved = self.mosaic.moved()
         self.store.note_placed(moved)
-        found = tuple(placement.name for placement in moved if not self._painter.is_painted(placement.name))
+        found = tuple(placement.name for placement in moved if not self._renderer.is_painted(placement.name))
         for name in found:
             self.store.settle(name, FrameState.PLACED, None)
-        self._painting.follow(moved, prepared)
+        self._render_stage.follow(moved, prepared)
         return found
 
     def _leave_out_previews(self) -> None:
         """Of shots whose whole picture has a place by now."""
         for covered, size in self.mosaic.replaced():
-            self._painting.take_away(covered.name)
+            self._render_stage.take_away(covered.name)
             self.store.settle(covered.name, FrameState.COVERED, None)
             self.store.note_replaced(covered, size)
 
@@ -378,7 +378,7 @@ class Pipeline(Kept):
             said += store.keep_lost(now)
             if now >= until:
                 break
-        self._painter.canvas.look_again(store.take_regained())
+        self._renderer.canvas.look_again(store.take_regained())
         return said
 
     def tell_troubles(self) -> None:
@@ -409,7 +409,7 @@ class Pipeline(Kept):
         looked_at = image if finer == reduction else self.load_original(name, finer)
         return None if looked_at is None else extract(looked_at, look, finer)
 
-    def _note_painted(self, painted: Painted) -> None:
+    def _note_painted(self, painted: RenderItem) -> None:
         self.store.note_painted(painted)
         self.mosaic.anchor_drawn_pose(painted.name, painted.pose, painted.camera)
 
@@ -418,7 +418,7 @@ class Pipeline(Kept):
         start = time.perf_counter()
         mosaic = self.mosaic
         islands = [IslandRecord(id=island.number, merged_into=island.merged_into) for island in mosaic.islands]
-        self.store.save(self._painter.canvas, islands, mosaic.frame_counts(), mosaic.held_out)
+        self.store.save(self._renderer.canvas, islands, mosaic.frame_counts(), mosaic.held_out)
         return time.perf_counter() - start
 
     def close(self) -> None:
@@ -427,7 +427,7 @@ class Pipeline(Kept):
             self._checkpoints.close()
         self._worker.close()
         self.decoders.close()
-        self._painter.close()
+        self._renderer.close()
         self._shelf.close()
         self.store.close()
 

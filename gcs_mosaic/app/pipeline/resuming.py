@@ -14,7 +14,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.frames.pending_file import file_and_version
-from gcs_mosaic.render.painted import PaintedFrame
+from gcs_mosaic.render.render_list import RenderEntry
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Link
 from gcs_mosaic.stitch.registration.outcome import Registration
@@ -29,7 +29,7 @@ logger = logging.getLogger(__name__)
 
 SAME_CLOCK_S = 60.0  # tolerance for clock corrections, shorter than any reboot takes
 PAPER = Unusable("a map of the paper's recipe is in memory only")
-LARGE = (Features, Link, Registration, PaintedFrame)  # types of checkpoint values that are written once
+LARGE = (Features, Link, Registration, RenderEntry)  # types of checkpoint values that are written once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.app.waiting.unread import AGAIN_S, MOST_TRIES, UnreadFrames
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.checkpoint import Unusable
 from gcs_mosaic.store.flight_store import StoreHooks
@@ -222,8 +222,8 @@ def test_what_was_not_kept_is_found_by_the_end_and_its_tiles_are_painted(
             assert pipeline.load_original("1.png") is None
             pipeline.keep_lost_originals(math.inf)
             assert len(pipeline.store.not_kept()) == len(coming)
-            canvas = pipeline._painter.canvas
-            assert isinstance(canvas, Canvas)
+            canvas = pipeline._renderer.canvas
+            assert isinstance(canvas, TileCompositor)
             canvas.gone.update(["1.png"])  # a repaint has been given up meanwhile
             there = watched
             assert pipeline.load_original("1.png") is not None, "from where the camera has it"

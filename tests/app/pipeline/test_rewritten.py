@@ -15,7 +15,7 @@ import pytest
 from gcs_mosaic.app.pipeline.rewritten import as_whole_of_damaged, taken_as_rewritten
 from gcs_mosaic.frames.picture_hash import picture_hash
 from gcs_mosaic.messages import Frame, OtherFile, content_hash
-from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.records import FrameState
 from tests.frames.image_files import encoded, picture, turned, with_thumbnail
@@ -46,7 +46,7 @@ def originals(store: FlightStore) -> dict[str, bytes]:
 
 
 def saved(store: FlightStore) -> None:
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [], {})
 
 

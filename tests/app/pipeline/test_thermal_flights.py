@@ -19,7 +19,7 @@ from gcs_mosaic.app.waiting.prefetch import prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.files import frames_in
 from gcs_mosaic.messages import Frame
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.features.extraction import FeatureSettings
 from gcs_mosaic.stitch.mosaic import StitchSettings
 from gcs_mosaic.store.checkpoint import Unusable
@@ -47,7 +47,7 @@ def shown(out: Path) -> dict[int, np.ndarray]:
     return {island: np.concatenate(parts) for island, parts in found.items()}
 
 
-def painted(out: Path) -> dict[str, Painted]:
+def painted(out: Path) -> dict[str, RenderItem]:
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         return {one.name: one for island in ledger.islands() for one in ledger.painted(island.id)}
 

@@ -27,7 +27,7 @@ from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.messages import LinkReport, Notice
-from gcs_mosaic.render.repaint_queue import Painter
+from gcs_mosaic.render.repaint_queue import RepaintQueue
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.placement import Outcome
 from gcs_mosaic.stitch.graph.tearing import HeldOut
@@ -209,7 +209,7 @@ def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(
 def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(Painter, "final_steps", surprise)
+    monkeypatch.setattr(RepaintQueue, "final_steps", surprise)
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 1
     (said,) = capfd.readouterr().err.splitlines()
     assert said.startswith("gcs-mosaic: a fault of the program has ended the flight (RuntimeError('surprise'))")

@@ -9,8 +9,8 @@ import numpy as np
 
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.geotiles.earth_islands import EarthIsland
-from gcs_mosaic.render.painted import Painted
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Box, Tile, tiles_over
 from gcs_mosaic.stitch.arrays import AnyImage, Array
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
@@ -43,7 +43,7 @@ class AnchoredFlight:
             ledger.record_island(0)
             ledger.record_frame(frame("a.jpg"))
             ledger.record_painted(
-                Painted(name="a.jpg", order=0, island=0, pose=Pose(0.0, 0.0), camera=Camera(1300, 1000), level=16)
+                RenderItem(name="a.jpg", order=0, island=0, pose=Pose(0.0, 0.0), camera=Camera(1300, 1000), level=16)
             )
         self.small.place("a.jpg", 0.0, 0.0)
         self.laid = island(box, finest=16, laid=self.truth)

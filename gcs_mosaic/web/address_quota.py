@@ -10,7 +10,7 @@ from contextlib import contextmanager
 SUBNET_BITS = 64  # of IPv6: whoever has one address of it has all
 
 
-class Places:
+class AddressQuota:
     """Counts who is there. The last `per_address` places are for this machine itself, whoever else comes."""
 
     def __init__(self, most: int, per_address: int) -> None:

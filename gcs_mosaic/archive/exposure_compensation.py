@@ -12,13 +12,13 @@ import numpy as np
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame
-from gcs_mosaic.archive.kinds import FrameKind
+from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
 from gcs_mosaic.render.brightness import Aircraft, Camera, size_of
 from gcs_mosaic.render.exposure import ExposureSettings, is_false_colour
 from gcs_mosaic.render.levels import FINER
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from gcs_mosaic.render.tile_grid import level_among
 from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
@@ -40,7 +40,7 @@ class BookedFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class Lit:
+class CompensatedFrames:
     """All placed frames, ready to be painted: the book of them, the artefact with their looks, and where its parts begin."""
 
     book: str
@@ -49,13 +49,13 @@ class Lit:
     frames: tuple[BookedFrame, ...]
 
 
-def lit(
+def compensated(
     engine: Engine,
     frames: Sequence[SeenFrame],
     kinds: Sequence[FrameKind],
     chunks: Sequence[tuple[str, Sequence[str]]],
     settings: PaintSettings,
-) -> Lit:
+) -> CompensatedFrames:
     """Gain, vignetting and level of all frames of these chunks of placements."""
     booked = booked_frames(frames, kinds, chunks)
     book = engine.listed(booked)
@@ -65,7 +65,7 @@ def lit(
     keys = engine.listed([one.key for one in overlaps])
     one = task(looks, keys, settings.exposure, settings.vignetting)
     engine.made("gains", [one])
-    return Lit(book, one.key, starts, tuple(booked))
+    return CompensatedFrames(book, one.key, starts, tuple(booked))
 
 
 def booked_frames(
@@ -93,11 +93,11 @@ def placements_of(artefacts: Artefacts, key: str) -> list[Placement]:
     return found
 
 
-def unlit(artefacts: Artefacts, one: BookedFrame) -> Painted:
+def uncompensated(artefacts: Artefacts, one: BookedFrame) -> RenderItem:
     """A frame as it is painted but for gain, vignetting and level."""
     placement = placements_of(artefacts, one.placements)[one.place]
     pose, camera = reduced_view(placement.pose, placement.camera, *one.frame.facts.painted)
-    return Painted(
+    return RenderItem(
         name=placement.name,
         order=one.order,
         island=placement.island,
@@ -115,7 +115,7 @@ def overlaps_of(artefacts: Artefacts, book: str, first: int, stop: int) -> Parts
     """Some frames without relief, with the ground sampling distance of each and its overlaps with linked frames before it."""
     known = book_of(artefacts, book)
     some = list(known.values())[first:stop]
-    frames = [replace(unlit(artefacts, one), relief=None) for one in some]
+    frames = [replace(uncompensated(artefacts, one), relief=None) for one in some]
     found = [
         overlap
         for one, painted in zip(some, frames, strict=True)
@@ -131,14 +131,14 @@ def overlaps_of(artefacts: Artefacts, book: str, first: int, stop: int) -> Parts
 
 
 def _overlaps(
-    artefacts: Artefacts, known: dict[str, BookedFrame], one: BookedFrame, painted: Painted
+    artefacts: Artefacts, known: dict[str, BookedFrame], one: BookedFrame, painted: RenderItem
 ) -> Iterator[Overlap]:
     small = _thumbnail(artefacts, one)
     if is_false_colour(small):
         return
     linked = placements_of(artefacts, one.placements)[one.place].neighbours
     for other in (known[name] for name in linked if name in known and known[name].order < one.order):
-        beside, beside_small = unlit(artefacts, other), _thumbnail(artefacts, other)
+        beside, beside_small = uncompensated(artefacts, other), _thumbnail(artefacts, other)
         alike = beside.island == painted.island and beside.display.kind == painted.display.kind
         if alike and not is_false_colour(beside_small):
             means = overlap_of(painted, small, beside, beside_small)
@@ -154,7 +154,7 @@ def _thumbnail(artefacts: Artefacts, one: BookedFrame) -> Levels:
 def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vignetting: VignettingSettings) -> Parts:
     """Gain, vignetting and level of each frame, part by part as the overlaps are."""
     keys = artefacts.part(overlaps, "list")
-    chunks: list[list[Painted]] = [artefacts.part(key, "frames") for key in keys]
+    chunks: list[list[RenderItem]] = [artefacts.part(key, "frames") for key in keys]
     frames = [one for chunk in chunks for one in chunk]
     found: list[Overlap] = [one for key in keys for one in artefacts.part(key, "overlaps")]
     distances: list[float | None] = [one for key in keys for one in artefacts.part(key, "distances")]
@@ -171,7 +171,7 @@ def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vigne
 
 def curves_of(
     aircraft: Mapping[str, Aircraft],
-    frames: Sequence[Painted],
+    frames: Sequence[RenderItem],
     overlaps: Sequence[Overlap],
     settings: VignettingSettings,
 ) -> dict[str, Vignetting]:
@@ -187,7 +187,7 @@ def curves_of(
     return {name: curves[camera] for name, camera in cameras.items()}
 
 
-def levels_of(frames: Iterable[Painted], distances: Sequence[float | None]) -> Iterator[int]:
+def levels_of(frames: Iterable[RenderItem], distances: Sequence[float | None]) -> Iterator[int]:
     """The level of each frame by its ground sampling distance and those of its island; 0 if it sees no ground."""
     of_island: dict[int, list[float]] = {}
     given = list(zip(frames, distances, strict=True))
@@ -204,7 +204,7 @@ def _looks(artefacts: Artefacts, key: str, part: int) -> list[tuple[object, obje
     return found
 
 
-def painted_frame(artefacts: Artefacts, one: BookedFrame, key: str, part: int, place: int) -> Painted:
+def painted_frame(artefacts: Artefacts, one: BookedFrame, key: str, part: int, place: int) -> RenderItem:
     """A frame as it is painted; its look lies at a place of a part of `key`. Raises Lost."""
     gain, vignetting, level = _looks(artefacts, key, part)[place]
-    return replace(unlit(artefacts, one), gain=gain, vignetting=vignetting, level=level)  # type: ignore[arg-type]
+    return replace(uncompensated(artefacts, one), gain=gain, vignetting=vignetting, level=level)  # type: ignore[arg-type]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.saliency import LEAST_CONTRAST, POOL, REACH, TALL, greatest_contrast, saliency
 from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, PlaneStack
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
 Map = NDArray[np.float16]  # half the memory; three digits suffice
-Of = tuple[Display, DeadBorder]  # the fields of `Painted` that a look depends on
+Of = tuple[Display, DeadBorder]  # the fields of `RenderItem` that a look depends on
 
 # Size at which a frame is analysed: 6 px of a 12 MP frame are still 3.
 LOOK_PIXELS = 3_000_000
@@ -32,7 +32,7 @@ LEAST = 20  # minimum contrast in the units kept here: L, a and b are each scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class BlendMaps:
     """Maps over a whole frame (rows, columns, ...), each of its own size.
 
     `planes`: uint8 in groups of at most four channels. `detail` (rows, columns): grey levels. `tone` (rows, columns, 4): local
@@ -48,7 +48,7 @@ class Sight:
     def nbytes(self) -> int:
         return sum(one.nbytes for one in (*self.planes, self.detail, self.tone) if one is not None)
 
-    def fits(self, painted: Painted) -> bool:
+    def fits(self, painted: RenderItem) -> bool:
         return self.of == (painted.display, painted.dead)
 
 
@@ -66,10 +66,10 @@ def contrasts(look: ImageBGR) -> list[ImageGrey]:
     return [np.asarray(one, np.uint8) for one in found]
 
 
-def contrasts_around(sight: Sight, colours: slice, coarser: float) -> tuple[PlaneStack, ...]:
+def contrasts_around(maps: BlendMaps, colours: slice, coarser: float) -> tuple[PlaneStack, ...]:
     """Far contrasts of a frame at `coarser` times lower resolution, scaled by BEYOND: planes in groups. `colours`: position of
     the small look among the planes."""
-    planes = [one for group in sight.planes for one in cv2.split(group)][colours]
+    planes = [one for group in maps.planes for one in cv2.split(group)][colours]
     reach = round((REACH + TALL) * coarser / POOL)
     found = _in_least_ones(greatest_contrast(np.dstack(planes).astype(np.uint8), reach), BEYOND)
     return grouped_planes([np.asarray(one, np.uint8) for one in cv2.split(found)])

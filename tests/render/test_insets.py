@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from painting_parts import painted
 
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
 from gcs_mosaic.render.cells import Window
-from gcs_mosaic.render.painted import Painted
-from gcs_mosaic.render.placed import on_level, placed
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
+from gcs_mosaic.render.frame_warp import frame_warp, on_level
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.warp_grid import frame_lattice
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -47,7 +47,7 @@ def with_bush(wide: float) -> np.ndarray:
     return np.asarray(np.clip(bare() - 80 * (y[:, None] * x)[..., None], 0, 255), np.uint8)
 
 
-def flown(order: int, x: int, y: int, gsd: int, seen: np.ndarray, **more: Any) -> tuple[Painted, np.ndarray]:
+def flown(order: int, x: int, y: int, gsd: int, seen: np.ndarray, **more: Any) -> tuple[RenderItem, np.ndarray]:
     """A frame, and its picture, whose left top corner is at a ground pixel."""
     width, height = CAMERA.width * gsd, CAMERA.height * gsd
     part = seen[y : y + height, x : x + width]
@@ -56,16 +56,16 @@ def flown(order: int, x: int, y: int, gsd: int, seen: np.ndarray, **more: Any) -
     return painted(order, *at, gsd=gsd, camera=CAMERA, level=16 - int(np.log2(gsd)), **more), image
 
 
-def tiles_at_16(canvas: Canvas) -> np.ndarray:
+def tiles_at_16(canvas: TileCompositor) -> np.ndarray:
     """Four by four tiles of the finest level."""
     empty = np.zeros((256, 256, 3), np.uint8)
     shown = [[canvas.tile(0, Tile(16, MIDDLE + x, MIDDLE + y)) for x in range(5)] for y in range(4)]
     return np.vstack([np.hstack([empty if one is None else one.colour for one in row]) for row in shown])
 
 
-def mosaic(frames: list[tuple[Painted, np.ndarray]]) -> np.ndarray:
+def mosaic(frames: list[tuple[RenderItem, np.ndarray]]) -> np.ndarray:
     images = {frame.name: image for frame, image in frames}
-    with Canvas(images.get, CanvasSettings()) as canvas:
+    with TileCompositor(images.get, CompositorSettings()) as canvas:
         for frame, image in frames:
             canvas.paint(image, frame)
         list(canvas.repaint())
@@ -82,7 +82,7 @@ def covered(picture: np.ndarray) -> NDArray[np.uint8]:
     return np.asarray(picture.any(axis=2), np.uint8)
 
 
-def finer_ones(seen: np.ndarray, first: int) -> list[tuple[Painted, np.ndarray]]:
+def finer_ones(seen: np.ndarray, first: int) -> list[tuple[RenderItem, np.ndarray]]:
     places = [(200, 260), (420, 340), (560, 420)]
     return [flown(first + i, x, y, FINE, seen) for i, (x, y) in enumerate(places)]
 
@@ -148,12 +148,12 @@ def test_guests_are_the_same_whatever_came_first(order: tuple[int, ...]) -> None
     np.testing.assert_array_equal(mosaic([frames[i] for i in order]), mosaic(frames))
 
 
-def test_a_guest_that_moves_or_leaves_takes_what_it_showed_along() -> None:
+def test_an_inset_that_moves_or_leaves_takes_what_it_showed_along() -> None:
     x, y = PERSON
     high, moved = (flown(0, 0, 0, HALF, ground([(at, y, 12)])) for at in (x, x - 60))
     near = finer_ones(ground(), 1)
     images = {frame.name: image for frame, image in [high, *near]}
-    with Canvas(images.get, CanvasSettings()) as canvas:
+    with TileCompositor(images.get, CompositorSettings()) as canvas:
         for frame, image in [high, *near]:
             canvas.paint(image, frame)
         list(canvas.repaint())
@@ -169,16 +169,16 @@ def test_a_guest_that_moves_or_leaves_takes_what_it_showed_along() -> None:
         np.testing.assert_array_equal(tiles_at_16(canvas), mosaic(near))
 
 
-def test_a_guest_lies_on_finer_tiles_where_it_lies_on_its_own() -> None:
-    frame = placed(painted(0, 700, 500, gsd=HALF, yaw=0.3, pitch=0.1, camera=CAMERA, level=15))
+def test_an_inset_lies_on_finer_tiles_where_it_lies_on_its_own() -> None:
+    frame = frame_warp(painted(0, 700, 500, gsd=HALF, yaw=0.3, pitch=0.1, camera=CAMERA, level=15))
     assert frame is not None
     exact = frame_lattice(frame.painted.pose, CAMERA, 16)
     window = Window(0, 16, MIDDLE + 1, MIDDLE + 1, MIDDLE + 3, MIDDLE + 4)
-    guest = on_level(frame, window)
+    inset = on_level(frame, window)
     assert exact is not None
-    assert guest is not None
+    assert inset is not None
     tile = Tile(16, MIDDLE + 3, MIDDLE + 2)
-    one, other = (lattice.pixels[lattice.window(tile)] for lattice in (guest.lattice, exact))
+    one, other = (lattice.pixels[lattice.window(tile)] for lattice in (inset.lattice, exact))
     assert np.abs(one - other).max() < 0.05
     narrow = on_level(frame, Window(0, 16, tile.y, tile.x, tile.y, tile.x))
     assert narrow is not None

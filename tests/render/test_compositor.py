@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from painting_parts import hilly, painted, picture
 
+from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import MODES
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.looks import Sight
-from gcs_mosaic.render.painted import Painted, TileKey
+from gcs_mosaic.render.frame_warp import FrameWarp, frame_warp
 from gcs_mosaic.render.pixels import FramePicture
-from gcs_mosaic.render.placed import PlacedFrame, placed
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import RenderItem, TileKey
 from gcs_mosaic.render.tile_grid import Tile, tiles_over
 from gcs_mosaic.render.vignetting import FLAT
 from gcs_mosaic.stitch.arrays import Bands
@@ -26,7 +26,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera
 from tests.sure import sure
 
 MIDDLE = 1 << 15
-Canvases = Callable[..., Canvas]  # makes one by its settings
+Canvases = Callable[..., TileCompositor]  # makes one by its settings
 
 
 def originals(name: str) -> Bands:
@@ -48,16 +48,16 @@ def canvas() -> Iterator[Canvases]:
     """Makes canvases, and closes them in the end."""
     with ExitStack() as stack:
         yield lambda load=originals, load_tile=None, **settings: stack.enter_context(
-            Canvas(load, CanvasSettings(**settings), load_tile=load_tile)
+            TileCompositor(load, CompositorSettings(**settings), load_tile=load_tile)
         )
 
 
-def paint(c: Canvas, *frames: Painted) -> set[TileKey]:
+def paint(c: TileCompositor, *frames: RenderItem) -> set[TileKey]:
     nothing: set[TileKey] = set()
     return nothing.union(*(c.paint(originals(frame.name), frame) for frame in frames))
 
 
-def random_frame(rng: random.Random, order: int) -> Painted:
+def random_frame(rng: random.Random, order: int) -> RenderItem:
     x, y, gsd = rng.uniform(-400, 400), rng.uniform(-300, 300), rng.choice([1.0, 1.0, 2.2, 5.0])
     gain = rng.choice([(1.0, 1.0, 1.0), (1.1, 0.95, 1.3)])
     relief = rng.choice([None, hilly(rng.randrange(9))])
@@ -68,13 +68,13 @@ def random_frame(rng: random.Random, order: int) -> Painted:
     return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, **looks)
 
 
-def all_tiles(c: Canvas) -> dict[Tile, TilePicture]:
+def all_tiles(c: TileCompositor) -> dict[Tile, TilePicture]:
     box, coarsest, finest = sure(c.extent(0))
     tiles = (tile for level in range(coarsest - 2, finest + 2) for tile in tiles_over(box, level))
     return {tile: shown for tile in tiles if (shown := c.tile(0, tile)) is not None}
 
 
-def middle_of(c: Canvas) -> TilePicture:
+def middle_of(c: TileCompositor) -> TilePicture:
     return sure(c.tile(0, Tile(16, MIDDLE, MIDDLE)))
 
 
@@ -90,7 +90,7 @@ def assert_same(one: dict[Tile, TilePicture], other: dict[Tile, TilePicture]) ->
 def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas: Canvases, blend: str, seed: int) -> None:
     rng = random.Random(seed)
     step_by_step = canvas(blend=blend, memory_mb=2)
-    final: dict[str, Painted] = {}
+    final: dict[str, RenderItem] = {}
     for _ in range(20):
         frame, action = random_frame(rng, rng.randrange(12)), rng.random()
         if action < 0.6 or frame.name not in final:
@@ -203,7 +203,7 @@ def test_a_repaint_decodes_each_original_once(canvas: Canvases) -> None:
     frames = [painted(i, 100 + 40.0 * i, 100) for i in range(9)]
     paint(c, *frames)
     assert c.move(frames) == 0
-    c._gallery.clear()
+    c._frame_cache.clear()
     asked.clear()
     c.move([painted(i, 100 + 40.0 * i, 110) for i in range(9)])
     list(c.repaint())
@@ -230,7 +230,7 @@ def test_a_neighbour_whose_original_cannot_be_had_does_not_hold_a_new_frame_back
         c = canvas(missing)
         paint(c, painted(0, 100, 100))
         before = middle_of(c).colour
-        c._gallery.clear()
+        c._frame_cache.clear()
         paint(c, painted(1, 130, 100))
         assert not np.array_equal(middle_of(c).colour, before)
         assert c.behind > 0
@@ -250,7 +250,7 @@ def test_an_original_that_is_gone_leaves_its_tiles_as_they_are(canvas: Canvases)
     c = canvas(lambda name: None if name == "0.jpg" else originals(name))
     paint(c, painted(0, 100, 100), painted(1, 110, 100))
     before = all_tiles(c)
-    c._gallery.clear()
+    c._frame_cache.clear()
     c.move([painted(1, 115, 100)])
     list(c.repaint())
     assert (c.behind, c.gone) == (0, {"0.jpg"})
@@ -313,7 +313,7 @@ def test_an_image_of_another_size_is_refused_and_changes_nothing(canvas: Canvase
 
 def test_an_unknown_blend_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match="'egde' is not one of seam, edge, newest, first"):
-        CanvasSettings(blend="egde")
+        CompositorSettings(blend="egde")
 
 
 def test_a_uniform_scene_stays_uniform_across_frames_tiles_and_levels(canvas: Canvases) -> None:
@@ -366,7 +366,7 @@ def test_what_was_painted_in_haste_or_only_seen_ends_up_the_same(canvas: Canvase
     whole, other = canvas(), canvas()
     paint(whole, *frames)
     for frame in frames:
-        other._gallery.clear()
+        other._frame_cache.clear()
         if way == "hastily":
             assert other.paint(originals(frame.name), frame, hastily=True)
         else:
@@ -382,15 +382,15 @@ def test_a_look_that_raises_is_left_to_the_next_one_at_that_frame(
 ) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
-    looked, failing = c._gallery._looked, {"0.jpg"}
+    looked, failing = c._frame_cache._looked, {"0.jpg"}
 
-    def look(one: Painted, picture: FramePicture) -> Sight:
+    def look(one: RenderItem, picture: FramePicture) -> BlendMaps:
         if one.name in failing:
             failing.remove(one.name)
             raise MemoryError("no room to look")
         return looked(one, picture)
 
-    monkeypatch.setattr(c._gallery, "_looked", look)
+    monkeypatch.setattr(c._frame_cache, "_looked", look)
     for frame in frames:
         c.look(originals(frame.name), frame)
         c.move([frame])
@@ -405,14 +405,14 @@ def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_a
 ) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(4)], canvas(), canvas()
     paint(whole, *frames)
-    looked = c._gallery._looked
+    looked = c._frame_cache._looked
     looks: list[str] = []
 
-    def look(one: Painted, picture: FramePicture) -> Sight:
+    def look(one: RenderItem, picture: FramePicture) -> BlendMaps:
         looks.append(one.name)
         return looked(one, picture)
 
-    monkeypatch.setattr(c._gallery, "_looked", look)
+    monkeypatch.setattr(c._frame_cache, "_looked", look)
     for frame in frames:
         image = originals(frame.name)
         name = "99.jpg" if other == "another frame" else frame.name
@@ -429,11 +429,11 @@ def test_places_that_were_expected_are_those_that_are_used(canvas: Canvases, mon
     paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(12)])
     worked_out: Counter[str] = Counter()
 
-    def place(one: Painted, before: PlacedFrame | None) -> PlacedFrame | None:
+    def place(one: RenderItem, before: FrameWarp | None) -> FrameWarp | None:
         worked_out[one.name] += 1
-        return placed(one, before)
+        return frame_warp(one, before)
 
-    monkeypatch.setattr("gcs_mosaic.render.gallery.placed", place)
+    monkeypatch.setattr("gcs_mosaic.render.frame_cache.frame_warp", place)
     for some in (frames[:5], frames[5:]):
         c.expect(some)
         for frame in some:
@@ -451,16 +451,16 @@ def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(
     paint(whole, *frames)
     paint(c, *[painted(order, 90 + 40 * order, 100) for order in range(4)])
     c.move(frames)
-    known = c._gallery.placed
+    known = c._frame_cache.warp
     raised: list[str] = []
 
-    def placing(one: Painted) -> PlacedFrame | None:
+    def placing(one: RenderItem) -> FrameWarp | None:
         if one.name == "2.jpg" and not raised:
             raised.append(one.name)
             raise MemoryError("no room to place it")
         return known(one)
 
-    monkeypatch.setattr(c._gallery, "placed", placing)
+    monkeypatch.setattr(c._frame_cache, "warp", placing)
     list(c.repaint())  # the step of the frame before goes on
     assert raised
     assert_same(all_tiles(c), all_tiles(whole))
@@ -481,7 +481,7 @@ def test_a_frame_painted_in_haste_is_shown_where_it_is_to_be(canvas: Canvases) -
     asked: list[str] = []
     c = canvas(noted(asked))
     paint(c, painted(0, 100, 100))
-    c._gallery.clear()
+    c._frame_cache.clear()
     second = painted(1, 150, 100)
     c.paint(originals(second.name), second, hastily=True)
     assert asked == []

@@ -8,30 +8,30 @@ from dataclasses import replace
 from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import TOGETHER, SeenFrame, image_of
-from gcs_mosaic.archive.kinds import FrameKind
+from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.sources import SourceFile
 from gcs_mosaic.archive.tasks import Parts, Passing, task
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.gallery import seen_by
+from gcs_mosaic.render.frame_cache import seen_by
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
 
 def looked_at(
     engine: Engine, frames: Sequence[SeenFrame], kinds: Sequence[FrameKind], config: Config
 ) -> list[SeenFrame]:
-    """The frames, with their sights. Raises FlightFailed if an original is gone."""
+    """The frames, with their blend maps. Raises FlightFailed if an original is gone."""
     how = config.reduction, config.frames.max_pixels, config.paint.canvas.blend
     tasks = [
-        task(sight, one.frame.content_hash, kind.display, tuple(kind.dead), *how, hints=(one.frame.file,))
+        task(blend_maps_of, one.frame.content_hash, kind.display, tuple(kind.dead), *how, hints=(one.frame.file,))
         for one, kind in zip(frames, kinds, strict=True)
     ]
     engine.made("sights", tasks, TOGETHER)
-    return [replace(one, sight=made.key) for one, made in zip(frames, tasks, strict=True)]
+    return [replace(one, blend_maps=made.key) for one, made in zip(frames, tasks, strict=True)]
 
 
-def sight(
+def blend_maps_of(
     artefacts: Artefacts,
     digest: str,
     display: Display,
@@ -46,4 +46,4 @@ def sight(
     if image is None:
         raise Passing(f"{file.name} cannot be decoded any more")
     border = DeadBorder(*dead)
-    return {"summary": None, "sight": seen_by(MODES[blend], display.picture(border.filled(image)), (display, border))}
+    return {"summary": None, "maps": seen_by(MODES[blend], display.picture(border.filled(image)), (display, border))}

@@ -18,9 +18,9 @@ from typing import Any
 
 from aiohttp import web
 
-from gcs_mosaic.web.places import Places, origin_of
+from gcs_mosaic.web.address_quota import AddressQuota, origin_of
+from gcs_mosaic.web.request_handler import TimedRequestHandler
 from gcs_mosaic.web.settings import WebSettings
-from gcs_mosaic.web.visitor import Visitor
 
 logger = logging.getLogger(__name__)
 
@@ -29,16 +29,16 @@ FILES_EACH = 3  # its socket, a file that is sent; a third of all is left to the
 AGAIN_S = 1.0  # until the next try after the system had no file left
 
 
-class Door:
+class PageListener:
     """Lets visitors in, so many at a time; each has a task."""
 
     def __init__(self, server: web.Server, settings: WebSettings, tls: ssl.SSLContext | None) -> None:
         self._server, self._settings, self._tls = server, settings, tls
         most = min(settings.connections, most_files() // FILES_EACH)
-        self._places = Places(most, min(settings.connections_per_address, most // 2))
+        self._quota = AddressQuota(most, min(settings.connections_per_address, most // 2))
         self._sockets: list[socket.socket] = []
         self._accepting: list[asyncio.Task[None]] = []
-        self._guests: list[Guest] = []  # the longest first
+        self._accepted: list[AcceptedConnection] = []  # the longest first
 
     async def open(self, host: str, port: int) -> int:
         """Listen, and return the port. Raises OSError and OverflowError if that cannot be."""
@@ -69,56 +69,56 @@ class Door:
                 await asyncio.sleep(AGAIN_S)
                 continue
             origin = origin_of(peer[0])
-            if self._places.take(origin) or self._made_room(origin):
-                guest = Guest(connection, origin, Visitor(self._server, self._settings))
-                self._guests.append(guest)
-                guest.task = asyncio.create_task(self._attend(guest))
+            if self._quota.take(origin) or self._made_room(origin):
+                accepted = AcceptedConnection(connection, origin, TimedRequestHandler(self._server, self._settings))
+                self._accepted.append(accepted)
+                accepted.task = asyncio.create_task(self._attend(accepted))
             else:
                 connection.close()
             await asyncio.sleep(0)  # others too, when many knock
 
     def _made_room(self, origin: str) -> bool:
         """Whether a place was taken for this origin from one that has at least two more."""
-        greedy = self._places.greediest(origin)
-        theirs = [guest for guest in self._guests if guest.origin == greedy]
+        greedy = self._quota.greediest(origin)
+        theirs = [accepted for accepted in self._accepted if accepted.origin == greedy]
         if not theirs:
             return False
-        self._let_go(next((guest for guest in theirs if guest.visitor.is_waiting), theirs[0]))
-        return self._places.take(origin)
+        self._let_go(next((accepted for accepted in theirs if accepted.handler.is_waiting), theirs[0]))
+        return self._quota.take(origin)
 
-    async def _attend(self, guest: Guest) -> None:
+    async def _attend(self, accepted: AcceptedConnection) -> None:
         """One connection, from its handshake to its end."""
         timeouts: dict[str, Any] = {"ssl_handshake_timeout": self._settings.request_s} if self._tls else {}
         try:
-            guest.has_begun = True
-            guest.connection.setblocking(False)
+            accepted.has_begun = True
+            accepted.connection.setblocking(False)
             loop = asyncio.get_running_loop()
-            await loop.connect_accepted_socket(lambda: guest.visitor, guest.connection, ssl=self._tls, **timeouts)
-            await guest.visitor.until_gone()
+            await loop.connect_accepted_socket(lambda: accepted.handler, accepted.connection, ssl=self._tls, **timeouts)
+            await accepted.handler.until_gone()
         except OSError:  # a handshake that failed, above all
             logger.debug("a connection has failed", exc_info=True)
         finally:
-            self._let_go(guest)
+            self._let_go(accepted)
 
-    def _let_go(self, guest: Guest) -> None:
+    def _let_go(self, accepted: AcceptedConnection) -> None:
         """Its place is free from now on; may be called again."""
-        if guest in self._guests:
-            self._guests.remove(guest)
-            self._places.leave(guest.origin)
-            guest.visitor.cut()
-            if guest.task is not None and guest.task is not asyncio.current_task():
-                guest.task.cancel()  # it may still be at its handshake
-            if not guest.has_begun:  # else asyncio closes it
-                guest.connection.close()
+        if accepted in self._accepted:
+            self._accepted.remove(accepted)
+            self._quota.leave(accepted.origin)
+            accepted.handler.cut()
+            if accepted.task is not None and accepted.task is not asyncio.current_task():
+                accepted.task.cancel()  # it may still be at its handshake
+            if not accepted.has_begun:  # else asyncio closes it
+                accepted.connection.close()
 
 
 @dataclass(eq=False)
-class Guest:
+class AcceptedConnection:
     """A connection that was let in."""
 
     connection: socket.socket
     origin: str
-    visitor: Visitor
+    handler: TimedRequestHandler
     task: asyncio.Task[None] | None = None
     has_begun: bool = False
 

@@ -7,8 +7,8 @@ from functools import partial
 
 from gcs_mosaic.baseline.mosaic import PaperMosaic
 from gcs_mosaic.baseline.raster import Raster
-from gcs_mosaic.render.painted import Extent, Painted, TileKey
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import Extent, RenderItem, TileKey
 from gcs_mosaic.render.repaint_queue import Step
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import Bands
@@ -43,7 +43,7 @@ class PaperCanvas:
         """Nothing is ever painted from an original again."""
 
 
-class PaperPainter(Kept):
+class PaperRenderer(Kept):
     """Paints on the paper's mosaic; never repaints."""
 
     FIXED = frozenset({"_mosaic", "canvas"})  # the image belongs to the mosaic
@@ -81,11 +81,11 @@ class PaperPainter(Kept):
         """Nothing is ever repainted."""
         return []
 
-    def resume(self, shown: Iterable[Painted]) -> set[TileKey]:
+    def resume(self, shown: Iterable[RenderItem]) -> set[TileKey]:
         """Cannot be done: the recipe's one picture is in memory only."""
         raise NotImplementedError("a map of the paper's recipe cannot be resumed")
 
-    def painted(self) -> list[Painted]:
+    def painted(self) -> list[RenderItem]:
         """Nothing is painted frame by frame."""
         return []
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gcs_mosaic.render.cells import Window, window_of
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.sampling import at_cells, lattice_part
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.vignetting import FLAT, brightening
@@ -18,10 +18,10 @@ from gcs_mosaic.stitch.arrays import Lattice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlacedFrame:
+class FrameWarp:
     """`brightening`: factor at the lattice points, by band, that removes the vignetting; None for a factor of 1."""
 
-    painted: Painted
+    painted: RenderItem
     lattice: FrameLattice
     brightening: Lattice | None
 
@@ -44,7 +44,7 @@ class PlacedFrame:
         return [bright[..., band] * gain for band, gain in zip(self.painted.display.shown, gains, strict=True)]
 
 
-def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame | None:
+def frame_warp(painted: RenderItem, before: FrameWarp | None = None) -> FrameWarp | None:
     """The frame on its tiles; None where it sees no ground. `before`: the same frame as painted before, whose lattice may be
     reused. ValueError if the level is absurdly fine for it."""
     known = before is not None and _lies_as(painted, before.painted)
@@ -53,10 +53,10 @@ def placed(painted: Painted, before: PlacedFrame | None = None) -> PlacedFrame |
         return None
     flat, camera = painted.vignetting == FLAT, painted.camera
     factor = None if flat else brightening(painted.vignetting, lattice.pixels, camera.width, camera.height)
-    return PlacedFrame(painted, lattice, factor)
+    return FrameWarp(painted, lattice, factor)
 
 
-def on_level(frame: PlacedFrame, window: Window) -> PlacedFrame | None:
+def on_level(frame: FrameWarp, window: Window) -> FrameWarp | None:
     """The frame on a window of tiles of its own level or a finer one, exactly where its own tiles have it; None if disjoint.
     Values between its lattice points are their means, independent of the window."""
     finer = window.level - frame.lattice.first.z
@@ -80,13 +80,13 @@ def on_level(frame: PlacedFrame, window: Window) -> PlacedFrame | None:
         useful=None if frame.lattice.useful is None else fine(frame.lattice.useful),
         covered=None if frame.lattice.covered is None else fine(frame.lattice.covered),
     )
-    return PlacedFrame(frame.painted, lattice, None if frame.brightening is None else fine(frame.brightening))
+    return FrameWarp(frame.painted, lattice, None if frame.brightening is None else fine(frame.brightening))
 
 
-def _lies_as(one: Painted, other: Painted) -> bool:
+def _lies_as(one: RenderItem, other: RenderItem) -> bool:
     alike = replace(other, gain=one.gain, vignetting=one.vignetting, display=one.display)
     return alike == one
 
 
-def _lattice(painted: Painted) -> FrameLattice | None:
+def _lattice(painted: RenderItem) -> FrameLattice | None:
     return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead, painted.still)

@@ -20,7 +20,7 @@ logger = logging.getLogger(__name__)
 MOST_TRIES = 3  # a failure this persistent will recur, and every try costs a frame's time
 
 
-class Unpainted(Kept):
+class PaintQueue(Kept):
     """Placements of these frames, and how often painting each has failed."""
 
     def __init__(self) -> None:
@@ -57,29 +57,29 @@ class Unpainted(Kept):
         return False
 
 
-class Painting(Kept):
-    """Applies a painter's work to the map and notes it in the store.
+class RenderStage(Kept):
+    """Applies a renderer's work to the map and notes it in the store.
 
     `whole` is all state that painting changes, restored when it fails; `load_original` returns a frame's pixels;
     `say` receives notices for the operator.
     """
 
-    FIXED = frozenset({"_painter", "_store", "_whole", "_load_original", "_say"})  # parts of `whole`
+    FIXED = frozenset({"_renderer", "_store", "_whole", "_load_original", "_say"})  # parts of `whole`
 
     def __init__(
         self,
-        painter: Renderer,
+        renderer: Renderer,
         store: FlightStore,
         whole: Kept,
         load_original: Callable[[str], Bands | None],
         say: Callable[[Notice], None],
     ) -> None:
-        self._painter = painter
+        self._renderer = renderer
         self._store = store
         self._whole = whole
         self._load_original = load_original
         self._say = say
-        self._unpainted = Unpainted()
+        self._queue = PaintQueue()
         self._said = ""  # last repaint failure reported
 
     def follow(self, moved: Sequence[Placement], prepared: DecodedFrame | None) -> None:
@@ -88,28 +88,28 @@ class Painting(Kept):
         Raises if the current frame (`prepared`) cannot be painted. A failure of another frame does not affect it: that one stays
         unpainted and is retried with the next frames, at most `MOST_TRIES` times.
         """
-        self._unpainted.add(placement for placement in moved if not self._painter.is_painted(placement.name))
-        for placement in self._unpainted.all():
+        self._queue.add(placement for placement in moved if not self._renderer.is_painted(placement.name))
+        for placement in self._queue.all():
             if prepared is not None and prepared.frame.name == placement.name:
                 self._paint_new(placement, prepared.image, prepared.thumbnail)
             else:
                 self._paint_other(placement)
-        self._painter.follow(moved)
+        self._renderer.follow(moved)
 
     def take_away(self, name: str) -> None:
         """Another frame shows all that this one does: it is painted no more."""
-        self._unpainted.forget(name)
-        self._painter.take_away(name)
+        self._queue.forget(name)
+        self._renderer.take_away(name)
 
     def repaint_some(self) -> bool:
         """Repaint a little where it is most needed; False if there is nothing to do."""
-        steps = self._painter.next_steps()
+        steps = self._renderer.next_steps()
         self._repaint(steps)
         return bool(steps)
 
     def repaint_all(self, placements: Iterable[Placement]) -> Iterator[None]:
         """Repaint everything at its final place and brightness, step by step."""
-        for steps in self._painter.final_steps(placements):
+        for steps in self._renderer.final_steps(placements):
             self._repaint(steps)
             yield
 
@@ -123,18 +123,18 @@ class Painting(Kept):
                     return
         except Exception as error:
             logger.exception("%s could not be painted", name)
-            then = "it is tried again" if self._unpainted.fail(name) else "it is not on the map"
+            then = "it is tried again" if self._queue.fail(name) else "it is not on the map"
             text = f"{name} found its place, but could not be painted ({error!r}): {then}"
             self._say(Notice(source="painting", level="error", text=text))
             return
-        self._unpainted.give_up(name)
+        self._queue.give_up(name)
         text = f"{name} found its place, but its original is gone: it is not on the map"
         self._say(Notice(source="originals", level="error", text=text))
 
     def _paint_new(self, placement: Placement, image: Bands, small: Bands) -> None:
-        changed = self._painter.paint_new(image, small, placement, self._store.order_of(placement.name))
+        changed = self._renderer.paint_new(image, small, placement, self._store.order_of(placement.name))
         self._store.note_tiles(changed)
-        self._unpainted.remove(placement.name)
+        self._queue.remove(placement.name)
 
     def _repaint(self, steps: Sequence[Step]) -> None:
         """Do these steps together; if that raises, one by one, skipping and reporting those that fail."""

@@ -2,7 +2,7 @@
 
 Which frame shows where is decided first, on cells, by a fold over the frames in capture order (`cells`); pixels are only made
 where that changes the result, and once (`plans`, `pixels`). Coarser tiles are made from finer ones (`overviews`). So a tile is
-a pure function of the `Painted` frames around it, however and whenever it was painted. A tile that no longer matches its frames
+a pure function of the `RenderItem`s around it, however and whenever it was painted. A tile that no longer matches its frames
 is *stale* (`behind`): it stays displayed, with newer frames laid on top so that nothing new is held back, until `repaint` has
 made it again.
 """
@@ -19,22 +19,22 @@ from typing import Self
 import cv2
 import numpy as np
 
+from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.blending import mix, mix_pixels
 from gcs_mosaic.render.cells import around
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.gallery import Gallery
-from gcs_mosaic.render.looks import Sight
+from gcs_mosaic.render.frame_cache import FrameCache
+from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.originals import LoadImage
-from gcs_mosaic.render.painted import GUEST_LEVELS, Extent, Painted, PaintedFrame, PaintedFrames, TileKey, Turn
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part
-from gcs_mosaic.render.placed import PlacedFrame
 from gcs_mosaic.render.plans import Plan, Recipe
 from gcs_mosaic.render.pyramid import LoadTile, TilePicture, TileStack, top_level
+from gcs_mosaic.render.render_list import INSET_LEVELS, Extent, RenderEntry, RenderItem, RenderList, TileKey, Turn
 from gcs_mosaic.render.territory import Territory
 from gcs_mosaic.render.tile_cache import Layer, Store
 from gcs_mosaic.render.tile_grid import Tile, ancestor
-from gcs_mosaic.render.tile_maker import Maker
+from gcs_mosaic.render.tile_maker import TileMaker
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
@@ -46,7 +46,7 @@ BLOCK = 96  # tiles a side repainted together: large enough that most frames are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CanvasSettings:
+class CompositorSettings:
     """How frames are painted."""
 
     # How overlapping frames are blended: seam (the best view), edge (the paper's blending), newest or first.
@@ -66,7 +66,7 @@ class _Fold:
     """Tiles whose cells are being decided again, each with the frames folded so far: those up to a turn."""
 
     turn: Turn | None
-    tiles: Mapping[TileKey, tuple[Painted, ...]]
+    tiles: Mapping[TileKey, tuple[RenderItem, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class _Making:
     changes: int  # number of changes of cells and frames when the plans were made
 
 
-class Canvas(Kept):
+class TileCompositor(Kept):
     """All tiles of all islands. Used by one thread; tile work is spread over a few of its own.
 
     `load_image(name)` returns a frame's original, or None if it is gone for good; `load_tile` a tile written by an earlier run
@@ -86,50 +86,50 @@ class Canvas(Kept):
     frames, which then must have the same ones.
     """
 
-    FIXED = frozenset({"_pool", "_gallery", "_maker"})
+    FIXED = frozenset({"_pool", "_frame_cache", "_maker"})
 
     def __init__(
         self,
         load_image: LoadImage,
-        settings: CanvasSettings | None = None,
+        settings: CompositorSettings | None = None,
         *,
         load_tile: LoadTile | None = None,
         scratch: Path | None = None,
         keep_bands: KeepBands = "none",
     ) -> None:
-        self._settings = settings or CanvasSettings()
+        self._settings = settings or CompositorSettings()
         self._pool = ThreadPoolExecutor(self._settings.threads, thread_name_prefix="paint")
         self._store = Store(self._settings.memory_mb << 20, scratch)
         self._stack = TileStack(self._store, self._pool, load_tile)
-        self._frames = PaintedFrames()
+        self._frames = RenderList()
         mode = MODES[self._settings.blend]
-        self._gallery = Gallery(load_image, self._store, mode, keep_bands, self._pool)
-        self._territory = Territory(self._store, mode, self._gallery, self._frames, self._pool)
+        self._frame_cache = FrameCache(load_image, self._store, mode, keep_bands, self._pool)
+        self._territory = Territory(self._store, mode, self._frame_cache, self._frames, self._pool)
         flag = INTERPOLATIONS[self._settings.interpolation]
-        self._maker = Maker(self._gallery, self._frames, self._store, self._pool, flag, keep_bands)
+        self._maker = TileMaker(self._frame_cache, self._frames, self._store, self._pool, flag, keep_bands)
         self._behind: dict[TileKey, float] = {}  # tiles with stale cells, with their urgency
         self._due: dict[TileKey, float] = {}  # tiles that may not display what their cells require
         self._recipes: dict[TileKey, Recipe] = {}  # recipes of displayed tiles
-        self._unhosted: frozenset[TileKey] = frozenset()  # tiles whose guests may have changed
+        self._unhosted: frozenset[TileKey] = frozenset()  # tiles whose insets may have changed
         self._left: dict[str, frozenset[TileKey]] = {}  # by frames that changed level or island: their former tiles
         self._work: _Fold | _Making | None = None
         self._changes = 0
         self._only: frozenset[TileKey] | None = None  # the tiles to be made; None: all
-        self._known: dict[str, PaintedFrame] = {}  # before `resume`: the frames of the earlier run
+        self._known: dict[str, RenderEntry] = {}  # before `resume`: the frames of the earlier run
         self.gone: set[str] = set()  # frames whose originals are gone: their tiles stay as they are
 
     def saved(self) -> Snapshot:
         """Which originals are gone, and which tiles frames touch. All else follows from the painted frames: see `resume`."""
         return {"gone": self.gone, "_known": self._frames.entries()}
 
-    def paint(self, image: Bands, painted: Painted, *, hastily: bool = False) -> set[TileKey]:
+    def paint(self, image: Bands, painted: RenderItem, *, hastily: bool = False) -> set[TileKey]:
         """Add a frame; returns the tiles that may have changed (all levels).
 
         A frame that is not the last in capture order is still laid on top, and its tiles become stale. `hastily`: so do tiles
         that would need another frame's original that is not in memory. ValueError if the image does not fit the camera.
         """
-        frame = self._gallery.placed(painted)
-        picture = None if frame is None else self._gallery.take(painted, image)
+        frame = self._frame_cache.warp(painted)
+        picture = None if frame is None else self._frame_cache.take(painted, image)
         self._fall_behind(self._frames.remove(painted.name))
         keys = self._register(painted, frame)
         self._fall_behind(key for key in keys if not self._frames.is_last(painted, key))
@@ -149,23 +149,23 @@ class Canvas(Kept):
 
     def begin_look(self, name: str, image: Bands, display: Display, dead: DeadBorder) -> None:
         """Begin to analyse, while it is being placed, an image that may follow by `paint`."""
-        self._gallery.begin_look(name, image, display, dead)
+        self._frame_cache.begin_look(name, image, display, dead)
 
-    def look(self, image: Bands, painted: Painted) -> None:
+    def look(self, image: Bands, painted: RenderItem) -> None:
         """Analyse a frame that will follow by `move`, so that it need not be loaded for that. ValueError as in `paint`."""
-        self._gallery.look_ahead(painted, image)
+        self._frame_cache.look_ahead(painted, image)
 
-    def resume(self, frames: Iterable[Painted]) -> set[TileKey]:
+    def resume(self, frames: Iterable[RenderItem]) -> set[TileKey]:
         """Register frames that an earlier run painted. Their tiles are stale, and shown from `load_tile` until repainted; returns
         those and all above them."""
-        new: list[Painted] = []
+        new: list[RenderItem] = []
         for painted in frames:
             known = self._known.get(painted.name)
             if known is None or known.painted != painted:
                 new.append(painted)
             else:
                 self._expect(self._frames.add(painted, known.tiles))
-        for painted, frame in self._gallery.all_placed(new):
+        for painted, frame in self._frame_cache.all_warps(new):
             self._expect(self._register(painted, frame))
         self._known = {}
         return set(self._stack.earlier)
@@ -174,14 +174,14 @@ class Canvas(Kept):
         self._fall_behind(keys)
         self._stack.expect(keys)
 
-    def move(self, frames: Iterable[Painted], urgency: float = 0.0) -> int:
+    def move(self, frames: Iterable[RenderItem], urgency: float = 0.0) -> int:
         """Frames have new poses, gains, levels or islands, or are new; their old and new tiles become stale. Returns the number
         changed.
 
         `repaint` takes the most urgent tiles first.
         """
         changed = [p for p in frames if p.name not in self._frames or self._frames[p.name] != p]
-        for painted, frame in self._gallery.all_placed(changed):
+        for painted, frame in self._frame_cache.all_warps(changed):
             old = self._frames.remove(painted.name)
             self._fall_behind(old | self._register(painted, frame), urgency)
             elsewhere = frozenset(key for key in old if (key[0], key[1].z) != (painted.island, painted.level))
@@ -189,9 +189,9 @@ class Canvas(Kept):
                 self._left[painted.name] = self._left.get(painted.name, frozenset()) | elsewhere
         return len(changed)
 
-    def expect(self, frames: Sequence[Painted]) -> None:
+    def expect(self, frames: Sequence[RenderItem]) -> None:
         """Begin to compute the lattices of a few frames that follow by `move`."""
-        self._gallery.expect_places(frames)
+        self._frame_cache.expect_warps(frames)
 
     def remove(self, names: Iterable[str]) -> None:
         """Remove frames; their tiles become stale."""
@@ -209,12 +209,12 @@ class Canvas(Kept):
         frames around it."""
         self._only = frozenset(keys)
         near = around(around(self._only))
-        above = {(i, ancestor(t, t.z - up)) for i, t in near for up in range(1, min(GUEST_LEVELS, t.z) + 1)}
+        above = {(i, ancestor(t, t.z - up)) for i, t in near for up in range(1, min(INSET_LEVELS, t.z) + 1)}
         self._give_up([key for key in self._behind if key not in near | above])
 
-    def know(self, name: str, sight: Sight) -> None:
-        """Take the look of a frame, made elsewhere by `gallery.seen_by`: it need not be loaded where it does not show."""
-        self._gallery.know(name, sight)
+    def know(self, name: str, maps: BlendMaps) -> None:
+        """Take the look of a frame, made elsewhere by `frame_cache.seen_by`: it need not be loaded where it does not show."""
+        self._frame_cache.know(name, maps)
 
     def layer(self, island: int, tile: Tile) -> Layer | None:
         """What the frames painted at the tile's own level show on it."""
@@ -242,9 +242,9 @@ class Canvas(Kept):
 
     def repaint_step(self, block: int = BLOCK) -> set[TileKey]:
         """One step of `repaint`, while there are stale tiles: a frame's work, or the replacement of tiles."""
-        if self._guests_wait:
+        if self._insets_wait:
             self._settle(self._unhosted)
-            self._note_due(self._territory.with_guests(self._unhosted))
+            self._note_due(self._territory.with_insets(self._unhosted))
             self._unhosted = frozenset()
             return set()
         work = self._work = self._work or self._begun(block)
@@ -262,7 +262,7 @@ class Canvas(Kept):
 
     def skip_step(self, block: int = BLOCK) -> None:
         """Abandon what `repaint_step` would do next: its tiles stay as displayed."""
-        if self._guests_wait:
+        if self._insets_wait:
             self._unhosted = frozenset()
         elif self._work is None:
             keys = self._next_block(block)
@@ -302,9 +302,9 @@ class Canvas(Kept):
         """Release all memory, threads and the scratch file."""
         self._pool.shutdown()
         self._store.close()
-        self._gallery.clear()
+        self._frame_cache.clear()
 
-    def _register(self, painted: Painted, frame: PlacedFrame | None) -> set[TileKey]:
+    def _register(self, painted: RenderItem, frame: FrameWarp | None) -> set[TileKey]:
         return self._frames.add(painted, () if frame is None else frame.lattice.tiles())
 
     def _settle(self, changed: Collection[TileKey]) -> set[TileKey]:
@@ -335,7 +335,7 @@ class Canvas(Kept):
         return {key: plan for key, plan in plans.items() if key not in same}
 
     def _lay_on_top(
-        self, frame: PlacedFrame, picture: FramePicture, parts: Mapping[TileKey, Part | None]
+        self, frame: FrameWarp, picture: FramePicture, parts: Mapping[TileKey, Part | None]
     ) -> set[TileKey]:
         """Lay a frame on stale tiles, in its planned share if known, else by weight."""
         made = self._maker.whole(frame, picture, parts)
@@ -393,8 +393,8 @@ class Canvas(Kept):
         return set[TileKey]().union(*self._left.values())
 
     @property
-    def _guests_wait(self) -> bool:
-        """Whether to admit guests: once for all, after the cells of all tiles are decided."""
+    def _insets_wait(self) -> bool:
+        """Whether to admit insets: once for all, after the cells of all tiles are decided."""
         return bool(self._unhosted) and self._work is None and not self._behind
 
     def _begun(self, block: int) -> _Fold | _Making:
@@ -405,13 +405,13 @@ class Canvas(Kept):
         plans = self._unlike(keys)
         return _Making(plans, self._maker.order(plans), self._changes)
 
-    def _shared(self, painted: Painted, fold: _Fold) -> set[TileKey]:
+    def _shared(self, painted: RenderItem, fold: _Fold) -> set[TileKey]:
         return {key for key in self._frames.tiles_of(painted.name) if key in fold.tiles}
 
-    def _with_frame(self, fold: _Fold, painted: Painted) -> _Fold | None:
+    def _with_frame(self, fold: _Fold, painted: RenderItem) -> _Fold | None:
         keys = self._shared(painted, fold)
-        frame = self._gallery.placed(painted)
-        if frame is None or not self._gallery.can_see(painted):
+        frame = self._frame_cache.warp(painted)
+        if frame is None or not self._frame_cache.can_see(painted):
             self.gone.add(painted.name)
             rest = self._without(fold, keys)
             return None if rest is None else replace(rest, turn=painted.turn)
@@ -419,11 +419,11 @@ class Canvas(Kept):
         self._territory.lay_over(frame, keys, anew=True)
         return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
 
-    def _expect_after(self, painted: Painted, fold: _Fold) -> None:
+    def _expect_after(self, painted: RenderItem, fold: _Fold) -> None:
         """Begin to process the next frame of a fold. Its errors will occur again, and be reported, at its own step."""
         following = self._frames.next_after(painted.turn, fold.tiles)
         try:
-            frame = None if following is None else self._gallery.placed(following)
+            frame = None if following is None else self._frame_cache.warp(following)
             if following is not None and frame is not None:
                 self._territory.expect(frame, self._shared(following, fold))
         except Exception:
@@ -459,7 +459,7 @@ class Canvas(Kept):
         if any(painted not in plan.recipe[1] for plan in work.plans.values() if name in plan.parts):
             return self._unmade(work, name, due=True)  # it has moved in the meantime
         for following in work.left[1:2]:
-            self._gallery.expect(following)
+            self._frame_cache.expect(following)
         if not self._maker.step(work.plans, name):
             self.gone.add(name)
             return self._unmade(work, name)

@@ -19,7 +19,7 @@ TICK_S = 0.5  # between looks at the deadline
 SHOWN = 200  # characters of what a peer sent
 
 
-class Visitor(web.RequestHandler):
+class TimedRequestHandler(web.RequestHandler):
     """aiohttp's protocol for a connection, which waits for ever for a request, and for an answer to be taken.
 
     Here a request must have come as a whole within `request_s` of the last answer, or the connection's begin, and its answer

@@ -11,9 +11,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition,
 from painting_parts import painted, picture
 
 from gcs_mosaic.render.blend_modes import MODES
-from gcs_mosaic.render.canvas import Canvas, CanvasSettings
-from gcs_mosaic.render.painted import Painted
+from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.pyramid import TilePicture
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile, tiles_over
 from gcs_mosaic.stitch.arrays import Bands
 
@@ -30,12 +30,12 @@ def originals(name: str) -> Bands:
 class CanvasMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
-        self.shown: dict[str, Painted] = {}
+        self.shown: dict[str, RenderItem] = {}
 
     @initialize(blend=st.sampled_from(sorted(MODES)))
     def begin(self, blend: str) -> None:
-        self.settings = CanvasSettings(blend=blend, memory_mb=2)
-        self.canvas = Canvas(originals, self.settings)
+        self.settings = CompositorSettings(blend=blend, memory_mb=2)
+        self.canvas = TileCompositor(originals, self.settings)
 
     @rule(order=names, place=places)
     def paint(self, order: int, place: tuple[int, int, float, int]) -> None:
@@ -66,7 +66,7 @@ class CanvasMachine(RuleBasedStateMachine):
     def teardown(self) -> None:
         if not hasattr(self, "canvas"):
             return
-        with self.canvas, Canvas(originals, self.settings) as anew:
+        with self.canvas, TileCompositor(originals, self.settings) as anew:
             for frame in sorted(self.shown.values(), key=lambda frame: frame.order):
                 anew.paint(originals(frame.name), frame)
             tiles = [shown_on(canvas) for canvas in (self.canvas, anew)]
@@ -76,12 +76,12 @@ class CanvasMachine(RuleBasedStateMachine):
             np.testing.assert_array_equal(tile.coverage, tiles[1][key].coverage)
 
 
-def laid(order: int, place: tuple[int, int, float, int]) -> Painted:
+def laid(order: int, place: tuple[int, int, float, int]) -> RenderItem:
     x, y, yaw, island = place
     return painted(order, x, y, yaw=yaw, island=island)
 
 
-def shown_on(canvas: Canvas) -> dict[tuple[int, Tile], TilePicture]:
+def shown_on(canvas: TileCompositor) -> dict[tuple[int, Tile], TilePicture]:
     """All tiles of both islands, once everything is painted."""
     list(canvas.repaint())
     assert canvas.behind == 0

@@ -22,11 +22,11 @@ from gcs_mosaic.stitch.transaction import Kept
 TileKey = tuple[int, Tile]  # island, tile
 Turn = tuple[int, str]  # position in capture order: `order`, then name
 
-GUEST_LEVELS = 2  # maximum level difference of a guest: frames coarser than that resolve no people
+INSET_LEVELS = 2  # maximum level difference of an inset: frames coarser than that resolve no people
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Painted:
+class RenderItem:
     """A frame as it is (to be) painted. `gain` multiplies each band above the display's black, and `vignetting` is removed;
     `dead` pixels of `camera`'s image are left out, those under an overlay (`still`) shown only where no other frame sees the
     place; `level` is usually the one that suits the frame alone, see `warp_grid.resolved`."""
@@ -49,7 +49,7 @@ class Painted:
         return self.order, self.name
 
 
-def brightness_apart(one: Painted, other: Painted) -> float:
+def brightness_apart(one: RenderItem, other: RenderItem) -> float:
     """Maximum difference in log brightness, anywhere in the frame and in any band."""
     gains = np.log(np.array(one.gain) / np.array(other.gain))
     falls = log_brightness(other.vignetting, OUTWARDS) - log_brightness(one.vignetting, OUTWARDS)
@@ -65,21 +65,21 @@ class Extent(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class PaintedFrame:
+class RenderEntry:
     """A frame, and the tiles of its level that it touches."""
 
-    painted: Painted
+    painted: RenderItem
     tiles: tuple[Tile, ...]
     box: Box | None
 
 
-class PaintedFrames(Kept):
+class RenderList(Kept):
     """The painted frames by name, tile and island; pure bookkeeping."""
 
     FIXED = frozenset({"_tiles"})
 
     def __init__(self) -> None:
-        self._entries: dict[str, PaintedFrame] = {}
+        self._entries: dict[str, RenderEntry] = {}
         self._turns: dict[TileKey, tuple[Turn, ...]] = {}  # in capture order
         self._islands: dict[int, frozenset[str]] = {}
         self._levels: dict[tuple[int, int], int] = {}  # number of frames by island and level
@@ -88,22 +88,22 @@ class PaintedFrames(Kept):
     def __contains__(self, name: str) -> bool:
         return name in self._entries
 
-    def __getitem__(self, name: str) -> Painted:
+    def __getitem__(self, name: str) -> RenderItem:
         return self._entries[name].painted
 
-    def entries(self) -> dict[str, PaintedFrame]:
+    def entries(self) -> dict[str, RenderEntry]:
         """All frames by name."""
         return dict(self._entries)
 
-    def get(self, name: str) -> Painted | None:
+    def get(self, name: str) -> RenderItem | None:
         entry = self._entries.get(name)
         return None if entry is None else entry.painted
 
-    def add(self, painted: Painted, tiles: Iterable[Tile]) -> set[TileKey]:
+    def add(self, painted: RenderItem, tiles: Iterable[Tile]) -> set[TileKey]:
         """Add or replace a frame; returns the tiles it touches now."""
         self.remove(painted.name)
         touched, turn = tuple(self._shared(tile) for tile in tiles), painted.turn
-        entry = PaintedFrame(painted, touched, _box_of_tiles(touched) if touched else None)
+        entry = RenderEntry(painted, touched, _box_of_tiles(touched) if touched else None)
         self._entries[painted.name] = entry
         self._islands[painted.island] = self._islands.get(painted.island, frozenset()) | {painted.name}
         self._count(painted, 1)
@@ -130,30 +130,30 @@ class PaintedFrames(Kept):
         entry = self._entries.get(name)
         return set() if entry is None else {(entry.painted.island, tile) for tile in entry.tiles}
 
-    def on(self, key: TileKey) -> list[Painted]:
+    def on(self, key: TileKey) -> list[RenderItem]:
         """The frames that touch a tile, in capture order."""
         return [self[name] for _, name in self._turns.get(key, ())]
 
-    def guests_on(self, key: TileKey) -> list[Painted]:
+    def insets_on(self, key: TileKey) -> list[RenderItem]:
         """Frames of coarser levels that may touch a tile that has frames of its own, in capture order."""
         island, tile = key
         if key not in self._turns:
             return []
-        above = [(island, ancestor(tile, tile.z - up)) for up in range(1, min(GUEST_LEVELS, tile.z) + 1)]
+        above = [(island, ancestor(tile, tile.z - up)) for up in range(1, min(INSET_LEVELS, tile.z) + 1)]
         return [self[name] for _, name in sorted(turn for one in above for turn in self._turns.get(one, ()))]
 
     def hosts_below(self, keys: Iterable[TileKey]) -> set[TileKey]:
-        """Finer tiles on which frames of these tiles may be guests."""
+        """Finer tiles on which frames of these tiles may be insets."""
         hosts, below = set[TileKey](), set(keys)
-        for _ in range(GUEST_LEVELS):
+        for _ in range(INSET_LEVELS):
             below = {(i, child) for i, tile in below if self._has_finer(i, tile.z) for child in tile.children}
             hosts |= self._turns.keys() & below
         return hosts
 
-    def is_last(self, painted: Painted, key: TileKey) -> bool:
+    def is_last(self, painted: RenderItem, key: TileKey) -> bool:
         return self._turns[key][-1] == painted.turn
 
-    def next_after(self, turn: Turn | None, keys: Iterable[TileKey]) -> Painted | None:
+    def next_after(self, turn: Turn | None, keys: Iterable[TileKey]) -> RenderItem | None:
         """The first frame captured after `turn` that touches any of these tiles."""
         later = (t for key in keys for t in self._turns.get(key, ()) if turn is None or t > turn)
         found = min(later, default=None)
@@ -164,9 +164,9 @@ class PaintedFrames(Kept):
         return self._tiles.setdefault(tile, tile)
 
     def _has_finer(self, island: int, level: int) -> bool:
-        return any((island, level + down) in self._levels for down in range(1, GUEST_LEVELS + 1))
+        return any((island, level + down) in self._levels for down in range(1, INSET_LEVELS + 1))
 
-    def _count(self, painted: Painted, more: int) -> None:
+    def _count(self, painted: RenderItem, more: int) -> None:
         where = painted.island, painted.level
         self._levels[where] = self._levels.get(where, 0) + more
         if not self._levels[where]:

@@ -1,13 +1,13 @@
 from painting_parts import painted
 
-from gcs_mosaic.render.painted import Extent, PaintedFrames
+from gcs_mosaic.render.render_list import Extent, RenderList
 from gcs_mosaic.render.tile_grid import Tile
 
 A, B = Tile(16, 5, 5), Tile(16, 6, 5)
 
 
 def test_frames_on_a_tile_are_in_capture_order() -> None:
-    frames = PaintedFrames()
+    frames = RenderList()
     for order in (3, 1, 2):
         frames.add(painted(order), [A])
     assert [p.order for p in frames.on((0, A))] == [1, 2, 3]
@@ -16,7 +16,7 @@ def test_frames_on_a_tile_are_in_capture_order() -> None:
 
 
 def test_a_frame_that_moved_is_only_where_it_is_now() -> None:
-    frames = PaintedFrames()
+    frames = RenderList()
     frames.add(painted(1), [A, B])
     assert frames.add(painted(1, 9.0), [B]) == {(0, B)}
     assert frames.on((0, A)) == []
@@ -24,7 +24,7 @@ def test_a_frame_that_moved_is_only_where_it_is_now() -> None:
 
 
 def test_next_after_walks_through_all_frames_of_some_tiles_once() -> None:
-    frames = PaintedFrames()
+    frames = RenderList()
     for order, tiles in ((4, [A]), (2, [A, B]), (7, [B]), (5, [])):
         frames.add(painted(order), tiles)
     seen, turn = [], None
@@ -35,7 +35,7 @@ def test_next_after_walks_through_all_frames_of_some_tiles_once() -> None:
 
 
 def test_the_extent_holds_all_tiles_and_levels() -> None:
-    frames = PaintedFrames()
+    frames = RenderList()
     assert frames.extent(0) is None
     frames.add(painted(1, level=16), [Tile(16, 32768, 32768)])
     frames.add(painted(2, level=15), [Tile(15, 16385, 16384)])
