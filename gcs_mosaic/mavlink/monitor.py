@@ -8,10 +8,9 @@ from typing import Literal
 
 from gcs_mosaic.mavlink.address import LinkAddress, connection_string
 from gcs_mosaic.mavlink.flood import FloodGate, Trust, Verdict
-from gcs_mosaic.mavlink.left_out import LeftOut
 from gcs_mosaic.mavlink.messages import MavMessage, decode, decode_offer
 from gcs_mosaic.mavlink.settings import LinkSettings
-from gcs_mosaic.mavlink.vehicle_choice import MOST_AIRCRAFT, VehicleChoice
+from gcs_mosaic.mavlink.vehicle_choice import MOST_AIRCRAFT, LeftOut, VehicleChoice
 from gcs_mosaic.mavlink.vehicle_time import VehicleTimes
 from gcs_mosaic.messages import Aircraft, LinkReport, Notice, Refusals, StreamOffer, Teller, TriggerEvent
 

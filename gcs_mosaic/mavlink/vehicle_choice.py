@@ -6,13 +6,17 @@ Where several fly, all of them count, and none is followed.
 from __future__ import annotations
 
 import threading
-from collections import deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Iterator
 
 from gcs_mosaic.mavlink.settings import AircraftIds, LinkSettings
+from gcs_mosaic.messages import TriggerEvent
 
 MOST_AIRCRAFT = 16  # of `all`: system ids can be forged
 MOST_TOLD = 8  # others in a sentence
+KEPT_S = 60.0  # as long as a frame may take: those of older triggers have been given up
+_MOST_EVENTS = 200  # of each system: a minute at three a second
+_MOST_SYSTEMS = 8  # ids can be forged
 
 
 class VehicleChoice:
@@ -171,3 +175,30 @@ class VehicleChoice:
         self._followed = system
         self.changes += 1
         self._news.append(text)
+
+
+class LeftOut:
+    """The newest triggers of each aircraft that is not followed, and how many there were: the operator may choose it yet.
+
+    The system silent longest is forgotten.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[int] = Counter()
+        self._kept: OrderedDict[int, deque[TriggerEvent]] = OrderedDict()
+
+    def keep(self, event: TriggerEvent) -> None:
+        """Count and keep one."""
+        self.counts[event.vehicle] += 1
+        self._kept.setdefault(event.vehicle, deque(maxlen=_MOST_EVENTS)).append(event)
+        self._kept.move_to_end(event.vehicle)
+        if len(self._kept) > _MOST_SYSTEMS:
+            self._kept.popitem(last=False)
+
+    def take(self, system: int, now: float) -> list[TriggerEvent]:
+        """Those of `system` whose frames may still come, oldest first; they are no longer left out."""
+        kept = self._kept.pop(system, ())
+        recent = [one for one in kept if now - one.received <= KEPT_S]
+        self.counts[system] -= len(recent)
+        self.counts += Counter()  # drops what is zero
+        return recent

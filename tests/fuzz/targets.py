@@ -23,7 +23,7 @@ from gcs_mosaic.mavlink.settings import LinkSettings
 from gcs_mosaic.mavlink.tlog_reader import read_recording
 from gcs_mosaic.notes.anchors.control_points import read_control_points
 from gcs_mosaic.notes.finds.exports import as_csv, as_geojson, as_kml
-from gcs_mosaic.stitch.features.onnx_input import declared_inputs
+from gcs_mosaic.stitch.features.onnx_check import declared_inputs
 from gcs_mosaic.store import checkpoint
 from gcs_mosaic.web.maps.wms import strip_of, tile_in
 from gcs_mosaic.web.maps.wms_request import WmsFault, lower_names, map_request

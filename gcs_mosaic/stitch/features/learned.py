@@ -26,8 +26,7 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import FloatImage, FloatPlanes, FloatRows, ImageGrey, IndexRows, PointsNx2
 from gcs_mosaic.stitch.features.detectors import Found, rounded
-from gcs_mosaic.stitch.features.onnx_check import read_model, trouble_of
-from gcs_mosaic.stitch.features.onnx_input import declared_inputs, fits
+from gcs_mosaic.stitch.features.onnx_check import declared_inputs, fits, read_model, trouble_of
 
 WIDTH, HEIGHT = 640, 480  # px of the input
 CELL = 8  # px

@@ -1,6 +1,7 @@
 """What makes an ONNX file one that is not even loaded: a library would read other files for it, or compute for ever.
 
-Field numbers are those of onnx.proto.
+And the input that it declares, because OpenCV runs a model with inputs that do not fit it, too. Field numbers are those of
+onnx.proto: ModelProto.graph, GraphProto.initializer and .input, and so on down to the sizes.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs_mosaic.stitch.features.protobuf import every, fields
+from gcs_mosaic.stitch.features.protobuf import every, fields, last
 
 LARGEST_BYTES = 256 << 20  # learned features have some MB, detectors up to 150
 MOST_NODES = 10_000  # detectors have some 3,000; of 20,000 in a row a library makes a plan for minutes
@@ -28,6 +29,10 @@ _PARTS = {
 }
 _EXTERNAL_DATA, _DATA_LOCATION = 13, 14  # of a tensor
 _KEY, _VALUE = 1, 2  # of an entry of external data
+_GRAPH, _INITIALIZER, _INITIALIZER_NAME, _INPUT = 7, 5, 8, 11
+_NAME, _TYPE, _TENSOR, _SHAPE, _DIMENSION, _SIZE = 1, 2, 1, 2, 1, 1
+
+Shape = tuple[int | None, ...]
 
 
 def read_model(path: Path) -> bytes:
@@ -98,3 +103,26 @@ class _Walk:
 
 def _open_at_once(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # else opening a pipe without a writer would block
+
+
+def declared_inputs(model: bytes) -> list[Shape]:
+    """Shapes of the inputs of a model, None where a size is free. Raises ValueError if that is no protobuf message."""
+    graph = last(memoryview(model), _GRAPH)
+    constant = {bytes(last(one, _INITIALIZER_NAME)) for one in every(graph, _INITIALIZER)}
+    return [_shape(one) for one in every(graph, _INPUT) if bytes(last(one, _NAME)) not in constant]
+
+
+def fits(declared: Shape, wanted: tuple[int, ...]) -> bool:
+    """Whether a model that declares this shape takes arrays of the other one."""
+    return len(declared) == len(wanted) and all(a in (None, b) for a, b in zip(declared, wanted, strict=True))
+
+
+def _shape(value: memoryview) -> Shape:
+    shape = last(last(last(value, _TYPE), _TENSOR), _SHAPE)
+    return tuple(_size(one) for one in every(shape, _DIMENSION))
+
+
+def _size(dimension: memoryview) -> int | None:
+    """None: a name in place of a number, or nothing."""
+    sizes = [value for number, value in fields(dimension) if number == _SIZE and isinstance(value, int)]
+    return sizes[-1] if sizes and 0 < sizes[-1] < 1 << 31 else None
