@@ -57,7 +57,7 @@ class FrameCache:
         return known.frame
 
     def all_warps(self, frames: Sequence[RenderItem]) -> Iterator[tuple[RenderItem, FrameWarp | None]]:
-        """Each of these frames with its result of `placed`, in order; computed in parallel."""
+        """Each of these frames with its result of `warp`, in order; computed in parallel."""
         for first in range(0, len(frames), WARPED_TOGETHER):
             some = frames[first : first + WARPED_TOGETHER]
             if len(some) > 1:  # a single one may already be expected

@@ -74,7 +74,7 @@ def admit(cells: Cells, window: Window, inset: Things, number: int, seer: Seer) 
 
 def _where_it_may(cells: Cells, window: Window, inset: Things) -> Iterator[tuple[Window, Mask]]:
     """Parts of a window as large as the inset's own tiles, with a mask of their cells (h, w): where a quick check, one per square
-    between lattice points, finds inset things that the host lacks."""
+    between lattice points, finds things of the inset that the host lacks."""
     finer = window.level - inset.window.level
     above = window.above(finer).common(inset.window)
     if above is None:
