@@ -45,6 +45,7 @@ CHILDREN: dict[str, tuple[Callable[..., None], Callable[[Path], tuple[Any, ...]]
 }
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 @pytest.mark.parametrize("name", CHILDREN)
 def test_each_child_outlives_what_is_for_the_program(name: str, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from tests import fresh
 
 # What nothing in the program names, and who uses it.
@@ -79,6 +81,7 @@ def only_defined(defining: dict[Path, ast.Module], using: dict[Path, ast.Module]
     }
 
 
+@pytest.mark.long
 def test_nothing_is_there_for_tests_alone() -> None:
     found = only_defined(sources("gcs_mosaic"), sources("gcs_mosaic") | sources("sitl"))
     assert {name: place for name, place in found.items() if name not in OTHERS} == {}

@@ -96,6 +96,7 @@ def flown(tmp_path: Path, pictures: list[bytes], *options: str) -> Iterator[runn
         yield flight
 
 
+@pytest.mark.long
 def test_frames_of_an_extension_are_stitched_beside_the_folder(
     installed: Path, pictures: list[bytes], tmp_path: Path
 ) -> None:
@@ -108,6 +109,7 @@ def test_frames_of_an_extension_are_stitched_beside_the_folder(
     assert "'example-folder' has no more frames" in flight.said
 
 
+@pytest.mark.long
 def test_a_source_that_breaks_does_not_end_the_flight(installed: Path, pictures: list[bytes], tmp_path: Path) -> None:
     with flown(tmp_path, pictures, "--source", "raises") as flight:
         running.until(lambda: "without it" in flight.said, "what broke is said")
@@ -183,6 +185,7 @@ def test_a_model_and_a_detector_are_one_too_many() -> None:
         HintSettings(model="a.onnx", detector="b")
 
 
+@pytest.mark.long
 def test_an_extension_exports_a_flight(
     installed: Path, pictures: list[bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

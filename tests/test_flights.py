@@ -70,6 +70,7 @@ def off_and_stated_m(out: Path, truth: Truth) -> tuple[float, float]:
     return max(off), max(stated)
 
 
+@pytest.mark.long
 def test_a_level_survey_that_positions_lay_on_earth(tmp_path: Path) -> None:
     flown = fly(tmp_path, "--scenario", "survey", "--manner", "px4,camera", "--count", "24", "--anchor", "positions")
     assert flown.score.placed == 24

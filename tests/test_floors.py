@@ -216,6 +216,7 @@ def test_links_are_opened_before_the_stitching_and_a_server_are_loaded() -> None
     assert loaded_by("import gcs_mosaic.cli.main, gcs_mosaic.app.inputs.links", "scipy", "aiohttp", "tifffile") == "[]"
 
 
+@pytest.mark.long
 def test_the_page_is_served_without_what_stitches_and_a_flight_loads_no_server() -> None:
     heavy = ("scipy", "rich", "yaml", "pymavlink", "tifffile")
     assert loaded_by("import gcs_mosaic.web.page_process, gcs_mosaic.web.server", *heavy) == "[]"

@@ -57,6 +57,7 @@ def test_paths_bytes_and_arrays_become_one_map(pictures: list[bytes], tmp_path: 
     assert running.run("check", tmp_path / "map", cwd=tmp_path).returncode == 0, "a flight as every other one"
 
 
+@pytest.mark.long
 def test_it_is_gone_on_with(pictures: list[bytes], tmp_path: Path) -> None:
     with gcs_mosaic.open_flight(tmp_path / "map") as flight:
         flight.add(pictures[0], "a.jpg")
@@ -70,6 +71,7 @@ def test_it_is_gone_on_with(pictures: list[bytes], tmp_path: Path) -> None:
         assert flight.frames() == [], "beside the earlier one"
 
 
+@pytest.mark.long
 def test_what_raises_leaves_the_flight_as_it_is(pictures: list[bytes], tmp_path: Path) -> None:
     settings = {"stitch": {"cover": {"enabled": False}}}
 
@@ -103,6 +105,7 @@ def test_no_settings_but_those_given_count(tmp_path: Path, monkeypatch: pytest.M
         assert flight.folder == tmp_path / "map"
 
 
+@pytest.mark.long
 def test_a_main_module_is_run_once(pictures: list[bytes], tmp_path: Path) -> None:
     """Whatever stands in it, without a guard: the processes that decode do not import it."""
     (tmp_path / "one.jpg").write_bytes(pictures[0])
@@ -113,6 +116,7 @@ def test_a_main_module_is_run_once(pictures: list[bytes], tmp_path: Path) -> Non
     assert told.stdout.split() == ["begun", "PLACED"]
 
 
+@pytest.mark.long
 def test_a_small_ground_station_has_a_map(pictures: list[bytes], tmp_path: Path) -> None:
     port, camera = free_port(), tmp_path / "camera"
     camera.mkdir()

@@ -74,6 +74,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Running, d
         yield flight, heard
 
 
+@pytest.mark.long
 def test_it_is_heard_under_its_own_name(flown: tuple[Running, dict[str, Any]]) -> None:
     flight, heard = flown
     assert (heard["HEARTBEAT"].get_srcSystem(), heard["HEARTBEAT"].get_srcComponent()) == (191, 191)

@@ -85,6 +85,7 @@ def test_a_tree_without_git_or_tags_is_built_all_the_same(clone: Path, tmp_path:
     assert any(name.startswith("gcs_mosaic-0.1.dev1+g") for name in built(plain, tmp_path / "untagged"))
 
 
+@pytest.mark.long
 def test_the_bill_of_materials_names_all_that_is_needed(tmp_path: Path) -> None:
     bill_of = [sys.executable, str(fresh.ROOT / ".ci" / "sbom.py")]
     environment = os.environ | {"SOURCE_DATE_EPOCH": DATE, "PYTHONPATH": str(fresh.ROOT)}

@@ -135,6 +135,7 @@ def run(program: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.long
 def test_every_module_imports_without_what_only_posix_has() -> None:
     names = [*modules_of("gcs_mosaic", list(gcs_mosaic.__path__)), *modules_of("sitl", list(sitl.__path__))]
     assert {"gcs_mosaic.mavlink.serial_port", "gcs_mosaic.store.lock", "sitl.stream.camera"} <= set(names)
@@ -150,6 +151,7 @@ for name in {names}:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@pytest.mark.long
 def test_the_test_takes_away_what_it_says() -> None:
     done = run("import fcntl")
     assert "no module named 'fcntl'" in done.stderr

@@ -127,6 +127,7 @@ def test_the_first_command_flies_and_shows_the_map(tmp_path: Path) -> None:
     assert placed == frames
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_an_example_runs(example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world_cache: Path) -> None:
     flight = sitl.flight.make("survey", tmp_path, (480, 360), cache=world_cache, route=Plan(frames=4))

@@ -26,7 +26,7 @@ def known() -> list[Path]:
     return [path for name in names if name and (path := fresh.ROOT / name).is_file()]
 
 
-@pytest.mark.parametrize("check", CHECKS)
+@pytest.mark.parametrize("check", ["faults", "format", pytest.param("types", marks=pytest.mark.long)])
 def test_style(check: str) -> None:
     fresh.run(sys.executable, "-m", *CHECKS[check])
 
@@ -41,6 +41,7 @@ def test_no_path_of_one_machine(known: list[Path]) -> None:
     assert not [path for path, text in texts.items() if PLACES_OF_ONE_MACHINE.search(text)]
 
 
+@pytest.mark.long
 def test_no_function_is_too_long_to_read(known: list[Path]) -> None:
     trees = {path: ast.parse(path.read_bytes()) for path in known if path.suffix == ".py"}
     functions = [(path, node) for path, tree in trees.items() for node in ast.walk(tree) if isinstance(node, FUNCTIONS)]

@@ -22,6 +22,7 @@ def jpeg(seed: int) -> bytes:
     return cv2.imencode(".jpg", picture)[1].tobytes()
 
 
+@pytest.mark.long
 def test_another_aircraft_is_chosen_while_flying(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

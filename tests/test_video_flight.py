@@ -53,6 +53,7 @@ def placements(out: Path) -> list[dict[str, Any]]:
     return list(json.loads((out / "placements.json").read_bytes())["frames"])
 
 
+@pytest.mark.long
 def test_a_video_becomes_a_map(tmp_path: Path) -> None:
     write_film(tmp_path / "FLIGHT.MP4", flight(3.0))
     done = run("stitch", "FLIGHT.MP4", "--out", "map", cwd=tmp_path)
@@ -63,6 +64,7 @@ def test_a_video_becomes_a_map(tmp_path: Path) -> None:
     assert all((tmp_path / "map" / "frames" / name).is_file() for name in found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("is_folder", [True, False])
 def test_what_is_no_video_is_said_before_anything_is_written(tmp_path: Path, is_folder: bool) -> None:
     (tmp_path / "card").mkdir()
@@ -74,6 +76,7 @@ def test_what_is_no_video_is_said_before_anything_is_written(tmp_path: Path, is_
     assert not (tmp_path / "map").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", ["reprocess", "benchmark"])
 def test_other_commands_say_who_takes_videos(tmp_path: Path, command: str) -> None:
     (tmp_path / "FLIGHT.MP4").write_bytes(b"any")

@@ -35,6 +35,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, pictures: list[bytes]) -> Ru
         return flight
 
 
+@pytest.mark.long
 def test_one_frame_for_each_shot_and_its_event(flown: Running) -> None:
     assert {name: frame.state for name, frame in frames_of(flown.out).items()} == {
         f"DJI_20230101120000_000{k + 1}_W.JPG": "placed" for k in range(SHOTS)

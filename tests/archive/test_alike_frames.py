@@ -14,6 +14,7 @@ from gcs_mosaic.archive.retrieval import ALIKE, alike, inverted, vocabulary, wit
 from gcs_mosaic.archive.tasks import listed
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.features.retrieval import BACKGROUND_RANK, PER_FRAME, QUERY
+from tests.tiers import thorough
 
 FRAMES, STEP = 96, 50  # each frame shows a quarter of new ground
 
@@ -64,7 +65,8 @@ def test_a_query_is_compared_with_a_bounded_part_of_the_archive() -> None:
     assert ALIKE + retrieval.IN_ORDER < 20
 
 
-@pytest.mark.parametrize("block", [retrieval.BLOCK, 16])
+@pytest.mark.long
+@pytest.mark.parametrize("block", [retrieval.BLOCK, thorough(16)])
 def test_frames_are_ranked_by_how_much_nearer_they_are_than_the_eighth_nearest(
     artefacts: Artefacts, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:

@@ -37,6 +37,7 @@ def names(prefix: str) -> set[str]:
     return {one.name for one in BucketFiles(f"s3://there/{prefix}").listed("")}
 
 
+@pytest.mark.long
 def test_a_listing_tells_sizes_and_what_has_changed_at_one_go(server: str) -> None:
     files = BucketFiles("s3://there/listed")
     for number in range(5):
@@ -51,6 +52,7 @@ def test_a_listing_tells_sizes_and_what_has_changed_at_one_go(server: str) -> No
     assert [one.tag == other.tag for one, other in zip(before, after, strict=True)] == [True, True, True, False, True]
 
 
+@pytest.mark.long
 def test_credentials_that_may_not_write_are_told_before_anything_is_begun(server: str) -> None:
     def read_only(method: str, path: str) -> Answer | None:
         return DENIED if method in ("PUT", "POST", "DELETE") else None
@@ -98,6 +100,7 @@ def made(folder: Path, *more: str) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_an_upload_that_breaks_off_leaves_no_map(server: str, tmp_path: Path) -> None:
     upload(made(tmp_path), "s3://there/broken")
     with (

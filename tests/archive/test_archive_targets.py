@@ -38,6 +38,7 @@ def put(folder: Path, *names: str) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("soon_given_up")
 def test_where_no_scheduler_answers_nothing_is_left_behind(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(encoded(".jpg"))

@@ -197,12 +197,14 @@ def test_a_bucket_of_azure_that_cannot_be_opened_is_told(
         BucketFiles(place)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("soon_given_up")
 def test_an_address_without_a_scheduler_is_told() -> None:
     with pytest.raises(UsageError, match=r"--cluster tcp://127.0.0.1:\d+: no scheduler answers there"):
         workers_at(f"tcp://127.0.0.1:{free_port()}").__enter__()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "said"),
     [
@@ -227,6 +229,7 @@ def test_workers_that_cannot_be_started_are_told_in_one_sentence() -> None:
         workers_at(None, 1).__enter__()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("stranger", "said"),
     [
@@ -241,6 +244,7 @@ def test_a_worker_that_is_not_as_the_client_is_told(monkeypatch: pytest.MonkeyPa
         check_versions(client, "tcp://c")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("soon_given_up")
 def test_a_local_cluster_hears_this_machine_only_and_believes_its_own_client_alone() -> None:
     with workers_at(None, 1) as client:
@@ -255,6 +259,7 @@ def test_a_local_cluster_hears_this_machine_only_and_believes_its_own_client_alo
         assert listening == {"127.0.0.1"}
 
 
+@pytest.mark.long
 def test_a_task_gives_parts_of_its_work_to_other_workers() -> None:
     with workers_at(None, 1) as client:  # which does them itself, while the task waits
         assert client.submit(on_workers, abs, [-1, 2, -3]).result() == [1, 2, 3]
@@ -297,6 +302,7 @@ def test_without_bokeh_the_dashboard_says_what_it_needs(
     assert [path.name for path in tmp_path.iterdir()] == ["a.jpg"]
 
 
+@pytest.mark.long
 def test_an_archive_without_a_whole_picture_ends_with_that_and_each_stage_is_a_line_of_json(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -312,6 +318,7 @@ def test_an_archive_without_a_whole_picture_ends_with_that_and_each_stage_is_a_l
     assert [frame.state for frame in frames_of(out).values()] == [FrameState.DAMAGED]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a file's name is Unicode, and no other bytes can be")
 def test_a_map_of_a_name_that_is_no_text_is_written_and_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

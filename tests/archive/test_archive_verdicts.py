@@ -107,6 +107,7 @@ def test_a_file_that_holds_another_picture_by_now_is_not_taken_for_the_first(tmp
             taken(listed, digest)
 
 
+@pytest.mark.long
 def test_a_frame_is_decoded_within_the_limits_of_a_flight(tmp_path: Path) -> None:
     """Too slow: by this machine, so nothing is stored; cut: by its bytes, so it is."""
     slow, short = tmp_path / "slow.jpg", tmp_path / "cut.jpg"

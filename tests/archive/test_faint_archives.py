@@ -93,6 +93,7 @@ def test_of_too_few_frames_there_is_no_pattern() -> None:
     assert fixed_patterns._around(["sums/0", "sums/1"], [LEAST_FRAMES - 1, 1]) == [("sums/0", "sums/1")] * 2
 
 
+@pytest.mark.long
 def test_an_overlay_is_found_and_no_feature_lies_on_it(artefacts: Artefacts, ground: Image) -> None:
     """Of frames that are not faint, and in whatever blocks they are summed."""
     keys = []

@@ -118,6 +118,7 @@ def apart(one: dict[str, Placement], other: dict[str, Placement]) -> float:
     return float(np.linalg.norm(scale * here @ np.array([[c, s], [-s, c]]) + shift - there, axis=1).max())
 
 
+@pytest.mark.long
 def test_four_stretches_that_are_joined_twice_are_the_map_of_one(artefacts: Artefacts) -> None:
     whole = map_of(artefacts, placed(artefacts, 0, FRAMES), pairs=none_of(artefacts))
     quarters = [range(at, at + FRAMES // 4) for at in range(0, FRAMES, FRAMES // 4)]
@@ -150,6 +151,7 @@ def unfolded(monkeypatch: pytest.MonkeyPatch) -> list[Mosaic]:
     return found
 
 
+@pytest.mark.long
 def test_what_a_stretch_leaves_in_the_store_is_found_there_when_it_is_joined(
     artefacts: Artefacts, unfolded: list[Mosaic]
 ) -> None:
@@ -200,6 +202,7 @@ def test_only_what_the_store_registered_is_sought_there_as_a_match(artefacts: Ar
     assert chunk.links == (((0, 1), "pairs/1"),)
 
 
+@pytest.mark.long
 def test_each_folder_has_a_camera_of_its_own(artefacts: Artefacts) -> None:
     frames = listed(artefacts, [numbered(number, folder=number // 8) for number in range(FRAMES)])
     pairs = pairs_of(artefacts, range(FRAMES), range(FRAMES))
@@ -210,6 +213,7 @@ def test_each_folder_has_a_camera_of_its_own(artefacts: Artefacts) -> None:
     assert len({placement.camera for placement in found.values()}) == 2
 
 
+@pytest.mark.long
 def test_a_frame_that_cannot_be_placed_does_not_keep_the_others_from_it(
     artefacts: Artefacts, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -237,6 +241,7 @@ def test_what_is_lost_is_asked_for_whatever_became_of_it(artefacts: Artefacts) -
         stretch(artefacts, frames, pairs, SETTINGS)
 
 
+@pytest.mark.long
 def test_a_join_is_refuted_by_frames_that_were_never_compared(tmp_path: Path) -> None:
     """Two grounds that are alike in opposite corners: the two pairs of frames that show these agree, and only those are known."""
     found, each = Artefacts(files_at(str(tmp_path))), 18
@@ -257,6 +262,7 @@ def test_a_join_is_refuted_by_frames_that_were_never_compared(tmp_path: Path) ->
     assert merged == (None, None)
 
 
+@pytest.mark.long
 def test_a_frame_that_one_pair_places_is_refuted_by_frames_that_it_was_never_compared_with(tmp_path: Path) -> None:
     """A frame of another ground, alike in the north: it is known with the northernmost frame only."""
     found, flown = Artefacts(files_at(str(tmp_path))), 6

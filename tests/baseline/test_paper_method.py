@@ -40,6 +40,7 @@ def out(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.long
 def test_every_frame_is_accounted_for(out: Path) -> None:
     manifest, placements = (json.loads((out / name).read_text()) for name in ("mosaic.json", "placements.json"))
     assert (manifest["frames"]["placed"], manifest["frames"]["rejected"]) == (6, 1)

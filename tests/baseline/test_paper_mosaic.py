@@ -38,6 +38,7 @@ def laid_error(placements: Sequence[Placement], poses: Sequence[Pose]) -> float:
     return float(np.sqrt(((scale * found @ turn + shift - true) ** 2).sum(axis=1).mean()))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["sift", "orb", "surf"])
 def test_a_short_flight_lies_where_it_was_taken(ground: ImageBGR, kind: FeatureKind) -> None:
     if kind == "surf":
@@ -86,6 +87,7 @@ def test_a_flight_does_not_begin_with_a_frame_that_shows_nothing(ground: ImageBG
     assert isinstance(mosaic.add(frame(ground, LINE[0]), "0"), Placement)
 
 
+@pytest.mark.long
 def test_ground_outside_the_region_of_interest_is_not_found_again(ground: ImageBGR) -> None:
     """The one thing that keeps the cost of a frame constant: what is farther off than a frame's width is not looked at."""
     away = [Pose(400.0 + 200 * k, 500.0) for k in range(8)]

@@ -20,6 +20,7 @@ def test_the_page_is_what_the_data_give() -> None:
     assert PAGE.read_text(encoding="utf-8") == rendered(topics())
 
 
+@pytest.mark.long
 def test_every_topic_tells_day_and_machine_and_has_a_command() -> None:
     for topic in topics():
         assert date.fromisoformat(topic.written) <= date.today(), topic.title

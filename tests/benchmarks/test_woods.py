@@ -20,6 +20,7 @@ def flight() -> sitl.flight.Flight:
     return planned(ASKED, 0.7, seed=1)
 
 
+@pytest.mark.long
 def test_of_a_right_map_the_ground_fits(flight: sitl.flight.Flight) -> None:
     bare = {name: bare_ground(flight.scene, state) for name, state in shots(flight)}
     gaps, shared = pair_errors(flight, placements(flight.truth()), bare)

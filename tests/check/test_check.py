@@ -125,6 +125,7 @@ DAMAGES: dict[str, tuple[Damage, tuple[str, ...]]] = {
 CASES = [name if name.startswith("tile") else pytest.param(name, marks=pytest.mark.long) for name in DAMAGES]
 
 
+@pytest.mark.long
 def test_a_whole_flight_is_found_whole_and_left_alone(flight: Path) -> None:
     before = files_in(flight)
     found = checked(flight)

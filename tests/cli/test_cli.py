@@ -75,6 +75,7 @@ def empty(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -239,6 +240,7 @@ def test_the_folder_beside_is_not_the_watched_one(refused: Refused, tmp_path: Pa
     assert "the output folder mosaic-2 and the watched folder mosaic-2 overlap" in said
 
 
+@pytest.mark.long
 def test_an_export_of_what_is_not_there_is_refused(refused: Refused, flight: Path, empty: Path) -> None:
     export = ("export", flight, "--format", "png")
     assert f"There is no island 7 in {flight}; there are: 0." in refused(*export, "--island", "7")
@@ -267,6 +269,7 @@ def test_a_flight_is_exported(flight: Path, tmp_path: Path, capsys: pytest.Captu
     assert "3 placements written" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_help_and_misuse_of_the_installed_program(tmp_path: Path) -> None:
     for words in (["--help"], ["stitch", "--help"], ["demo", "--help"]):
         helped = run(*words, cwd=tmp_path)
@@ -281,6 +284,7 @@ def test_help_names_all_settings_that_count_for_an_earlier_flight(capsys: pytest
     assert "`web`, `hints`, `permissions`" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.long
 def test_a_finished_flight_is_served(flight: Path, tmp_path: Path) -> None:
     """The page, its documents and a tile; SIGTERM ends it."""
     command = [*PROGRAM, "serve", str(flight), "--http", "127.0.0.1:0"]

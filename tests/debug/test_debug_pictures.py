@@ -43,6 +43,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     return debug
 
 
+@pytest.mark.long
 def test_a_flight_leaves_all_its_pictures(flown: Path) -> None:
     names = {path.name for path in flown.iterdir()}
     assert names == {"journal.txt", "matches", "footprints.png", "residuals.png", "relief.png"}
@@ -75,6 +76,7 @@ def test_refused_pairs_are_drawn_with_what_agreed_unless_next_to_nothing_did(tmp
     assert "a.jpg and b.jpg: refused: evidence 3.0, 8.0 needed" in (tmp_path / "journal.txt").read_text()
 
 
+@pytest.mark.long
 def test_a_long_flight_is_kept_in_bounded_pieces(tmp_path: Path) -> None:
     pictures = DebugPictures(tmp_path)
     for i in range(100):

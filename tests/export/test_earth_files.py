@@ -35,6 +35,7 @@ from tests.factories import frame
 from tests.geotiles.ground import anchor
 from tests.notes.written_pins import write_pins
 from tests.sure import sure
+from tests.tiers import thorough
 from tests.web.maps.anchored_flight import PINNED, AnchoredFlight
 from tests.web.maps.marked_flight import MARKS, MarkedFlight, mark_in, opened, worst_px
 
@@ -42,7 +43,7 @@ Export = Callable[..., Path]
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
-@pytest.fixture(scope="module", params=[44.5, -67.0], ids=["44.5 N", "67 S"])
+@pytest.fixture(scope="module", params=[44.5, thorough(-67.0)], ids=["44.5 N", "67 S"])
 def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> AnchoredFlight:
     root = tmp_path_factory.mktemp("flight") / "small"
     root.mkdir()
@@ -87,6 +88,7 @@ def test_a_tiff_with_coordinates(flight: AnchoredFlight, export: Export, format_
                 assert worst_px(dataset, flight) < 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("crs", ["EPSG:3857", "utm"])
 def test_a_cog_is_one(export: Export, crs: str) -> None:
     is_one, errors, warnings = cog_validate(str(export("cog", "--crs", crs, to="map.tif")), strict=True, quiet=True)
@@ -94,6 +96,7 @@ def test_a_cog_is_one(export: Export, crs: str) -> None:
     assert not warnings
 
 
+@pytest.mark.long
 def test_a_tiff_s_pixels_are_those_of_the_tiles(flight: AnchoredFlight, export: Export) -> None:
     with opened(str(export("geotiff", to="map.tif"))) as dataset:
         whole, transform = dataset.read(), dataset.transform
@@ -113,6 +116,7 @@ def test_a_tiff_s_pixels_are_those_of_the_tiles(flight: AnchoredFlight, export: 
     assert max(differences) < 0.1
 
 
+@pytest.mark.long
 def test_mbtiles(flight: AnchoredFlight, export: Export) -> None:
     target = export("mbtiles", to="map.mbtiles")
     with opened(str(target)) as dataset:
@@ -128,6 +132,7 @@ def test_mbtiles(flight: AnchoredFlight, export: Export) -> None:
     file.close()
 
 
+@pytest.mark.long
 def test_pmtiles(flight: AnchoredFlight, export: Export) -> None:
     """By its own reader: each tile is the pyramid's."""
     target = export("pmtiles", "--tiles", "webp", to="map.pmtiles")
@@ -151,6 +156,7 @@ def test_pmtiles(flight: AnchoredFlight, export: Export) -> None:
                     assert off.sum() < 3 * max(off.size, 1000), "a few pixels at a border may be off by what WebP loses"
 
 
+@pytest.mark.long
 def test_pmtiles_by_gdal(flight: AnchoredFlight, export: Export) -> None:
     """GDAL reads PMTiles of vector tiles alone; the same tiles in MBTiles stand for the place of each pixel."""
     with export("pmtiles", to="map.pmtiles").open("rb") as file:
@@ -301,6 +307,7 @@ def test_a_target_that_is_there(refused: Callable[..., str], tmp_path: Path) -> 
     assert "cannot be written" in refused("--format", "pmtiles", to="no/where")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("format_name", ["geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson"])
 def test_without_an_anchor(
     refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory, format_name: str
@@ -330,6 +337,7 @@ def exported(flight: AnchoredFlight, target: Path, *options: str) -> Path:
     return target
 
 
+@pytest.mark.long
 def test_over_the_180th_meridian_a_tiff_lies_in_its_own_zone(across: AnchoredFlight, tmp_path: Path) -> None:
     with opened(str(exported(across, tmp_path / "map.tif", "--format", "geotiff", "--crs", "utm"))) as dataset:
         assert dataset.crs.to_epsg() in (32701, 32760)
@@ -395,6 +403,7 @@ def test_over_the_180th_meridian_a_kmz_is_one_picture(across: AnchoredFlight, tm
             assert mark_near(picture, column, row) < 1.0
 
 
+@pytest.mark.long
 def test_of_islands_far_apart_a_kmz_shows_each(flight: AnchoredFlight, tmp_path: Path) -> None:
     """One pin with a wrong sign is enough for that."""
     found = earth_map(flight.root)

@@ -88,6 +88,7 @@ def test_every_band_shows_the_ground_at_its_depth(kind: str, request: pytest.Fix
         assert np.corrcoef(ours[..., k].ravel(), wanted[..., k].ravel())[0, 1] > 0.97
 
 
+@pytest.mark.long
 def test_where_nothing_was_seen_the_map_is_transparent(five: Flown, tmp_path: Path) -> None:
     image, _, _ = exported(five, tmp_path)
     assert image[..., -1].max() == 65_535
@@ -95,6 +96,7 @@ def test_where_nothing_was_seen_the_map_is_transparent(five: Flown, tmp_path: Pa
     assert (image[image[..., -1] == 0] == 0).all()
 
 
+@pytest.mark.long
 def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five: Flown, tmp_path: Path) -> None:
     exported(five, tmp_path)
     with tifffile.TiffFile(tmp_path / "map.tif") as file:

@@ -78,6 +78,7 @@ def test_what_ends_an_export_leaves_nothing(tmp_path: Path, error: type[BaseExce
     assert hidden(tmp_path) == []
 
 
+@pytest.mark.long
 def test_a_full_disk_is_told_in_a_sentence(tmp_path: Path) -> None:
     """By SQLite's errors too."""
     root = tmp_path / "small"

@@ -188,6 +188,7 @@ def a_tiff_of_many_entries() -> bytes:
     return struct.pack("<2sHIH", b"II", 42, 8, entries) + bytes(12 * entries) + struct.pack("<I", 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("data", "said"),
     [

@@ -16,6 +16,7 @@ from gcs_mosaic.render.tile_grid import canvas_from_level, pixel_size
 from gcs_mosaic.stitch.arrays import Array
 from tests.geotiles.ground import anchor, island, noisy, pyramid, waves
 from tests.sure import sure
+from tests.tiers import thorough
 
 KM = 10_000.0  # canvas units at 0.1 m
 SMALL, LARGE = (-1000.0, -800.0, 1000.0, 800.0), (-15 * KM, -10 * KM, 15 * KM, 10 * KM)
@@ -41,7 +42,8 @@ def by_proj(laid: Anchor, points: Array) -> Array:
     return np.stack([back.real, -back.imag], axis=-1)
 
 
-@pytest.mark.parametrize("latitude", [-33.0, 0.0, 44.5, 60.0, 65.0, 70.0])
+@pytest.mark.long
+@pytest.mark.parametrize("latitude", [-33.0, 44.5, 70.0, *map(thorough, (0.0, 60.0, 65.0))])
 @pytest.mark.parametrize("box", [SMALL, LARGE], ids=["small", "30 km"])
 def test_every_pixel_is_taken_from_where_proj_says(latitude: float, box: tuple[float, float, float, float]) -> None:
     """At all levels, in tiles of the middle and of a corner, to 0.05 pixels of the tile."""

@@ -41,6 +41,7 @@ def test_tiles_are_parts_of_one_picture(down: int, latitude: float) -> None:
         assert at_borders == pytest.approx(inside.mean(), abs=0.1 + 3 * spread)
 
 
+@pytest.mark.long
 def test_steps_at_borders_are_those_inside() -> None:
     """Over many borders of smooth ground, where a step of a tenth of a grey level would show."""
     laid = island(WIDE)
@@ -82,6 +83,7 @@ def test_levels_show_the_same() -> None:
     assert compared >= 5
 
 
+@pytest.mark.long
 def test_borders_of_the_map_are_neither_dark_nor_light() -> None:
     laid = island()
     shown = pyramid(laid, longest=1e9)  # one colour
@@ -149,6 +151,7 @@ def test_beyond_the_180th_meridian_longitudes_go_on(longitude: float) -> None:
     assert plain.reach == plain.bounds
 
 
+@pytest.mark.long
 def test_every_tile_that_shows_something_is_listed() -> None:
     laid = island()
     shown = pyramid(laid)

@@ -17,9 +17,11 @@ from gcs_mosaic.stitch.arrays import AnyImage
 from gcs_mosaic.store.tiles import read_tile, remove_tile, write_tile
 from tests.geotiles.ground import anchor, island
 from tests.sure import sure
+from tests.tiers import thorough
 
 BOX = (-1100.0, -800.0, 1100.0, 800.0)
 HOLE = Tile(16, (1 << 15) + 0, (1 << 15) + 0)
+AT_BORDERS = [Tile(16, (1 << 15) - 2, 1 << 15), Tile(15, 1 << 14, (1 << 14) - 1)]
 
 
 def plain(value: int) -> TilePicture:
@@ -72,7 +74,10 @@ def differing(flight: Path, laid: EarthIsland, tile: Tile) -> dict[int, set[tupl
     return changed
 
 
-@pytest.mark.parametrize("tile", [HOLE, Tile(16, (1 << 15) - 2, 1 << 15), Tile(15, 1 << 14, (1 << 14) - 1)], ids=str)
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "tile", [HOLE, thorough(Tile(16, (1 << 15) - 2, 1 << 15)), thorough(Tile(15, 1 << 14, (1 << 14) - 1))], ids=str
+)
 def test_none_that_looks_different_is_missed_and_few_are_made_in_vain(
     flight: Path, laid: EarthIsland, tile: Tile
 ) -> None:

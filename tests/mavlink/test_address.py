@@ -66,6 +66,7 @@ def test_a_malformed_address_is_shown_with_what_was_wanted(text: str) -> None:
     assert "such as" in str(caught.value)
 
 
+@pytest.mark.long
 @given(st.text(max_size=40) | st.from_regex(r"(udp|udpout|tcp|tcpin|serial):(//)?[\w./:-]*", fullmatch=True))
 def test_anything_else_is_an_address_or_a_usage_error(text: str) -> None:
     try:

@@ -60,6 +60,7 @@ def test_all_three_messages_are_heard(vehicle: Vehicle) -> None:
     assert 0 <= time.monotonic() - events[0].received < 5
 
 
+@pytest.mark.long
 def test_noise_from_one_peer_harms_no_other(vehicle: Vehicle) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for seq in range(50):

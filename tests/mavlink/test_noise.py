@@ -30,6 +30,7 @@ QUICK = LinkSettings(decide_after_s=0, poll_s=0.02, silent_after_s=0.5)
 LASTS_S = 0.6
 
 
+@pytest.mark.long
 def test_noise_at_full_rate_costs_little_and_says_little(monkeypatch: pytest.MonkeyPatch) -> None:
     """As fast as a pseudo terminal takes it: the link's thread was busy all the time."""
     monkeypatch.setattr(streams, "_NOISE_AT_ONCE", 1 << 17)

@@ -119,6 +119,7 @@ def is_beat(message: Message) -> bool:
     return bool(message.get_type() == "HEARTBEAT")
 
 
+@pytest.mark.long
 def test_a_heartbeat_goes_to_whom_we_hear_and_to_nobody_else(peers: Callable[[int], Peer]) -> None:
     port = free_port()
     aircraft, stranger = peers(port), peers(port)
@@ -135,6 +136,7 @@ def test_a_heartbeat_goes_to_whom_we_hear_and_to_nobody_else(peers: Callable[[in
     assert "announcing ourselves as system 191, component 191" in link.texts()
 
 
+@pytest.mark.long
 def test_nothing_but_heartbeats_answers_a_peer_that_asks_for_everything(peers: Callable[[int], Peer]) -> None:
     port = free_port()
     aircraft = peers(port)
@@ -182,6 +184,7 @@ def test_calling_out_needs_a_name() -> None:
         triggers(parse_address("udpout:no-such-host.invalid:14550"), threading.Event(), LOUD)
 
 
+@pytest.mark.long
 def test_a_number_that_another_has_ends_all_sending(peers: Callable[[int], Peer]) -> None:
     port = free_port()
     aircraft = peers(port)
@@ -194,6 +197,7 @@ def test_a_number_that_another_has_ends_all_sending(peers: Callable[[int], Peer]
         assert aircraft.messages(1.3) == []
 
 
+@pytest.mark.long
 def test_a_camera_is_asked_for_what_was_lost_and_its_answer_is_an_event(peers: Callable[[int], Peer]) -> None:
     port = free_port()
     camera = peers(port)
@@ -206,6 +210,7 @@ def test_a_camera_is_asked_for_what_was_lost_and_its_answer_is_an_event(peers: C
         assert "COMMAND_LONG" not in {message.get_type() for message in camera.messages(1.2)}
 
 
+@pytest.mark.long
 def test_a_camera_that_denies_is_asked_no_more_and_that_is_said(peers: Callable[[int], Peer]) -> None:
     port = free_port()
     camera = peers(port)
@@ -218,6 +223,7 @@ def test_a_camera_that_denies_is_asked_no_more_and_that_is_said(peers: Callable[
         assert "COMMAND_LONG" not in {message.get_type() for message in camera.messages(1.5)}
 
 
+@pytest.mark.long
 def test_with_a_key_what_is_heard_must_be_signed_and_what_is_said_is(peers: Callable[[int], Peer]) -> None:
     port = free_port()
     aircraft, forger = peers(port), peers(port)

@@ -423,6 +423,7 @@ def test_a_look_begun_while_the_place_is_sought_is_used_if_it_is_of_that_frame_a
     assert_same(all_tiles(c), all_tiles(whole))
 
 
+@pytest.mark.long
 def test_places_that_were_expected_are_those_that_are_used(canvas: Canvases, monkeypatch: pytest.MonkeyPatch) -> None:
     frames, c, whole = [painted(order, 100 + 40 * order, 100) for order in range(12)], canvas(), canvas()
     paint(whole, *frames)

@@ -17,6 +17,7 @@ from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.warp_grid import frame_lattice
 from gcs_mosaic.stitch.camera.geometry import Camera
+from tests.tiers import thorough
 
 CAMERA = Camera(640, 480, focal=1.2)
 SIDE = 2600  # pixels of the ground at level 16, which begins at the canvas' (0, 0)
@@ -87,6 +88,7 @@ def finer_ones(seen: np.ndarray, first: int) -> list[tuple[RenderItem, np.ndarra
     return [flown(first + i, x, y, FINE, seen) for i, (x, y) in enumerate(places)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gsd", [HALF, QUARTER])
 @pytest.mark.parametrize("high_first", [True, False])
 def test_somebody_seen_once_from_high_up_stays_on_the_map(gsd: int, high_first: bool) -> None:
@@ -120,7 +122,8 @@ def test_what_stands_there_is_shown_as_the_finer_frames_see_it(gsd: int, side: i
     np.testing.assert_array_equal(shown[inside], without[inside])
 
 
-@pytest.mark.parametrize("wide", [10, 20, 30, 45])
+@pytest.mark.long
+@pytest.mark.parametrize("wide", [10, 45, *map(thorough, (20, 30))])
 @pytest.mark.parametrize("gsd", [HALF, QUARTER])
 def test_what_has_no_edge_stands_out_from_high_up_alone_and_is_shown_as_the_finer_see_it(gsd: int, wide: int) -> None:
     near = finer_ones(with_bush(wide), 1)

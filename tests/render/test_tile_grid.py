@@ -41,6 +41,7 @@ def test_a_tiles_own_box_touches_that_tile_only(tile: Tile) -> None:
     assert list(grid.tiles_over(grid.tile_box(tile), tile.z)) == [tile]
 
 
+@pytest.mark.long
 @given(st.integers(8, 20), inside, inside, st.floats(0.1, 3000), st.floats(0.1, 3000))
 def test_tiles_over_a_box_hold_its_corners_and_no_more_than_needed(
     level: int, x: float, y: float, width: float, height: float

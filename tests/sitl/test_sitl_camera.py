@@ -25,6 +25,7 @@ def same_points(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> tuple[NDArr
     return np.array([points[m.queryIdx].pt for m in good]), np.array([others[m.trainIdx].pt for m in good])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("relief", [0.0, 1.0])
 def test_pictures_agree_with_the_truth(scene: Scene, relief: float) -> None:
     hilly = replace(scene, relief=relief)

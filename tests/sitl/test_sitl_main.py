@@ -73,6 +73,7 @@ def test_it_flies_photographs_for_a_program_that_runs_already(photos: Path, tmp_
     assert all((watch / path.name).read_bytes() == path.read_bytes() for path in photos.iterdir())
 
 
+@pytest.mark.long
 def test_it_writes_the_truth_of_a_simulated_flight(tmp_path: Path) -> None:
     file = tmp_path / "t.json"
     words = ["--count", "2", "--size", "160x120", "--interval", "0.1", "--no-daemon", "--port", "9"]
@@ -81,6 +82,7 @@ def test_it_writes_the_truth_of_a_simulated_flight(tmp_path: Path) -> None:
     assert [frame.name for frame in read(file).frames] == ["DCIM/100MEDIA/IMG_0001.JPG", "DCIM/100MEDIA/IMG_0002.JPG"]
 
 
+@pytest.mark.long
 def test_a_whole_flight_starts_the_program_flies_stops_it_and_judges_it(tmp_path: Path) -> None:
     """With a stand-in that counts files; the real program is flown in the tests of the whole."""
     (tmp_path / "gcs_mosaic").mkdir()
@@ -117,6 +119,7 @@ def test_a_folder_without_pictures_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "there are no pictures" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_targets_and_exposure_are_as_asked(tmp_path: Path) -> None:
     words = ["--count", "2", "--size", "160x120", "--interval", "0.1", "--no-daemon", "--port", "9"]
     looks = ["--people", "2", "--marks", "1", "--vignetting", "0.4", "--exposure-step", "2", "--step-every", "1"]

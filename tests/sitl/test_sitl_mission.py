@@ -38,6 +38,7 @@ def gaps(times: list[float]) -> list[float]:
     return [after - before for before, after in pairwise(times)]
 
 
+@pytest.mark.long
 def test_triggers_keep_their_times_and_every_file_arrives_whole(tmp_path: Path) -> None:
     times = flown(film(), tmp_path)
     assert min(gaps(times)) > 0.1
@@ -51,6 +52,7 @@ def test_speed_shortens_the_flight(tmp_path: Path) -> None:
     assert 0.35 < times[-1] - times[0] < 2.5
 
 
+@pytest.mark.long
 def test_late_pictures_delay_the_flight_but_keep_the_intervals(tmp_path: Path) -> None:
     times = flown(film(interval=0.2, slow=0.7), tmp_path)
     assert gaps(times)[0] >= 0.69

@@ -70,6 +70,7 @@ def test_one_that_does_not_start_is_told(manner: str, sentence: str, tmp_path: P
     program.stop()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("manner", "sentence"), [("gives up", "exit code 4"), ("stalls", "0 of 3 pictures, then nothing")]
 )

@@ -40,6 +40,7 @@ def test_relief_displaces_crowns_and_leaves_the_truth_right() -> None:
     assert np.linalg.norm(flat.ground_from_pixels(flight.states[0], pixels) - ground, axis=1).max() > 2
 
 
+@pytest.mark.long
 def test_water_is_another_in_every_frame_and_land_is_not() -> None:
     flight = plan("survey", (320, 240), ground="lake", world_size=2048, route=ROUTE)
     state, scene = flight.states[0], flight.scene

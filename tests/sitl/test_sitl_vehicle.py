@@ -93,6 +93,7 @@ def test_metres_become_degrees_north_and_east(ground: Ground) -> None:
     assert np.radians(east) * 6_378_137 * np.cos(np.radians(47.4)) == pytest.approx(100, rel=0.01)
 
 
+@pytest.mark.long
 def test_telemetry_comes_at_its_pace(ground: Ground) -> None:
     vehicle = Vehicle("127.0.0.1", ground.port, ["camera"])
     until = time.monotonic() + 1.3

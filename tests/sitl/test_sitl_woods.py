@@ -50,6 +50,7 @@ def test_crowns_are_high_and_close_but_for_gaps(wood: World, over: Scene) -> Non
     assert wood.heights.max() <= TALLEST
 
 
+@pytest.mark.long
 def test_wind_moves_crowns_and_not_the_ground(over: Scene) -> None:
     before, after = (over.light(state) for state in (ABOVE, LATER))
     low = (heights_seen(over, ABOVE) < 0.1) & (heights_seen(over, LATER) < 0.1)

@@ -91,6 +91,7 @@ def test_one_thing_that_looks_alike_founds_no_island(ground: Image, other_ground
     assert isinstance(mosaic.add(other, "other"), Waiting)
 
 
+@pytest.mark.long
 def test_much_in_common_with_a_waiting_frame_outdoes_a_weak_link(
     ground: Image, other_ground: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,6 +127,7 @@ def test_a_frame_of_another_size_is_another_camera(ground: Image) -> None:
     assert (outcome.camera.width, outcome.camera.height) == (400, 300)
 
 
+@pytest.mark.long
 def test_held_frames_stay_where_they_are_drawn(ground: Image) -> None:
     mosaic = Mosaic()
     fly(mosaic, ground, line(400, 500, 4))
@@ -156,6 +158,7 @@ def test_two_tilted_frames_find_each_other(ground: Image) -> None:
     assert mosaic.placements()[1].residual_px < 2
 
 
+@pytest.mark.long
 def test_a_founder_that_nothing_joined_comes_home(ground: Image) -> None:
     """A single frame apart is too little to prove a join of islands, and needs none."""
     truth = [Pose(300, 600), *line(1300, 600, 2), *line(1170, 600, 6, step=-140)]
@@ -167,6 +170,7 @@ def test_a_founder_that_nothing_joined_comes_home(ground: Image) -> None:
     assert map_error(mosaic.placements(), truth) < 2
 
 
+@pytest.mark.long
 def test_a_founder_is_compared_once_with_each_new_frame(
     ground: Image, other_ground: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,6 +182,7 @@ def test_a_founder_is_compared_once_with_each_new_frame(
     assert asked.count({0, 4}) == 1
 
 
+@pytest.mark.long
 def test_a_frame_that_newer_frames_pushed_aside_is_placed_at_the_end(
     ground: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -291,6 +296,7 @@ def test_a_waiting_frame_that_raises_keeps_no_other_from_its_place(
     assert len(mosaic.placements()) == 9
 
 
+@pytest.mark.long
 def test_a_frame_that_comes_to_wait_is_compared_in_the_next_pause(
     ground: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -46,6 +46,7 @@ def united(parts: list[bytes]) -> Mosaic:
     return mosaic
 
 
+@pytest.mark.long
 def test_what_is_known_to_look_alike_joins_them(united: Mosaic) -> None:
     assert united.connect(PAIRS)
     linked, _ = united.link(PAIRS)

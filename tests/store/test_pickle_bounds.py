@@ -98,6 +98,7 @@ def test_crafted_checkpoints_are_damaged_ones(tmp_path: Path, name: str) -> None
     assert time.process_time() - start < 10
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="measures the memory as Linux tells it")
 def test_crafted_checkpoints_cost_no_memory(tmp_path: Path) -> None:
     """All of them in one process of its own, whose highest memory is measured."""

@@ -67,6 +67,7 @@ def sparse(components: int) -> list[TriggerEvent]:
     return [event(0.1 + k / 100, 7000 + k, FORGED, 2 + k % components) for k in range(2 * components)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("forged", "least"),
     [([], 40), (counters_ahead(39, 17.0), 40), (counters_ahead(170, 17.0), 40), (sparse(20), 40)],
@@ -82,6 +83,7 @@ def test_the_real_source_is_known_and_the_forged_one_is_not() -> None:
     assert {teller.sender for teller in credible} == {REAL}
 
 
+@pytest.mark.long
 def test_two_cameras_of_one_aircraft_are_both_believed() -> None:
     """The files of the second come from a shot 0.25 s later."""
     pairing, outcomes = Pairing(), list[Outcome]()
@@ -94,6 +96,7 @@ def test_two_cameras_of_one_aircraft_are_both_believed() -> None:
     assert {teller.component for teller in pairing.credible()} == {100, 101}
 
 
+@pytest.mark.long
 def test_a_camera_whose_files_go_elsewhere_harms_nobody() -> None:
     flight = Flight(40, [event(0.5 * k + 0.1, k, "10.0.0.1:2", 101) for k in range(1, 41)])
     assert flight.right == 40

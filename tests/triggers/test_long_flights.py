@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import time
+from itertools import starmap
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from gcs_mosaic.messages import Frame, TriggerEvent
 from gcs_mosaic.triggers.alignment import MOST
 from gcs_mosaic.triggers.needleman_wunsch import Band, needleman_wunsch, whole
 from gcs_mosaic.triggers.settings import PairingSettings
+from tests.tiers import thorough
 from tests.triggers.test_matcher import Flight, file, shot
 from tests.triggers.test_ordinary_losses import right
 
@@ -32,13 +34,17 @@ def landed(count: int, lost: float, untold: float, silent: range = range(0), see
     return flight
 
 
+@pytest.mark.long
 def test_all_files_of_a_long_flight_are_paired() -> None:
     flight = landed(MOST + 200, 0.0, 0.0)
     assert right(flight.pairs()) == MOST + 200
     assert not flight.pairing.doubts
 
 
-@pytest.mark.parametrize(("lost", "untold"), [(0.03, 0.03), (0.1, 0.0), (0.0, 0.1), (0.002, 0.002)])
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("lost", "untold"), [(0.03, 0.03), *starmap(thorough, ((0.1, 0.0), (0.0, 0.1), (0.002, 0.002)))]
+)
 def test_of_a_long_flight_with_losses_the_right_pairs_are_there_or_can_be_chosen(lost: float, untold: float) -> None:
     flight = landed(MOST + 200, lost, untold)
     pairs, doubts = flight.pairs(), flight.pairing.doubts

@@ -134,6 +134,7 @@ def test_pins_follow_the_ground_when_the_map_moves(client: Writer, flight: Mappe
     assert (told["longitude"], told["latitude"]) == pytest.approx(place(20, 30), abs=1e-7)
 
 
+@pytest.mark.long
 def test_an_island_without_pins_has_no_anchor(client: Writer) -> None:
     set_pins(client, 3)
     assert client.get("/coordinates?island=1&x=0&y=0")["place"] is None

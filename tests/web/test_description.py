@@ -57,6 +57,7 @@ def test_every_route_of_the_api_and_of_the_map_is_described(operations: list[Ope
     assert [one.canonical for one in operations if not one.summary] == []
 
 
+@pytest.mark.long
 def test_it_is_valid_and_tells_no_type_that_nothing_uses(operations: list[Operation]) -> None:
     document = description(operations)
     validate(document)

@@ -82,6 +82,7 @@ def test_the_frame_that_is_missing_is_a_gap(url: str) -> None:
     assert json.loads(Client(url).ask("/api/v1/islands/77/gaps")[1]) == {"gaps": []}
 
 
+@pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 def test_gaps_are_on_the_page_without_a_click_and_layers_with_one(
     tmp_path_factory: pytest.TempPathFactory, url: str

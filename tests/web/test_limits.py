@@ -114,6 +114,7 @@ def test_many_addresses_together_cannot_take_all_places(patient: int) -> None:
         assert is_served(patient, "127.0.0.2")
 
 
+@pytest.mark.long
 def test_an_answer_that_is_not_taken_is_not_waited_for(port: int, tmp_path: Path) -> None:
     (tmp_path / "placements.json").write_bytes(b" " * 30_000_000)
     with socket.socket() as one:

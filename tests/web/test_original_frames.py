@@ -126,6 +126,7 @@ def test_originals_come_as_they_are_reduced_and_under_their_names(flight: SmallF
     assert client.status("/api/v1/frames/99/picture") == 404
 
 
+@pytest.mark.long
 def test_a_bomb_in_the_place_of_an_original_costs_nothing(flight: SmallFlight, url: str) -> None:
     """A PNG of 19,900 x 19,900 pixels in a stranger's folder cost the page 2.4 GB, and 30 s without an answer."""
     bomb, client = a_png(12_000, 12_000), Client(url)
@@ -178,6 +179,7 @@ def test_nothing_outside_the_folder_is_an_original(flight: SmallFlight, url: str
         assert Client(url).status(f"/api/v1/frames/1/{way}") == 404
 
 
+@pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 def test_a_click_opens_the_originals_at_that_spot(tmp_path_factory: pytest.TempPathFactory, url: str) -> None:
     with open_browser(tmp_path_factory.mktemp("profile")) as page:

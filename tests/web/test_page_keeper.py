@@ -78,6 +78,7 @@ def test_changes_reach_the_page_through_the_process(keeper: PageKeeper, client: 
     live.close()
 
 
+@pytest.mark.long
 def test_a_process_that_is_killed_is_replaced_at_the_same_port(keeper: PageKeeper, client: Client) -> None:
     killed = process_of(keeper)
     os.kill(killed, signal.SIGKILL)

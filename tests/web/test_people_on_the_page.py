@@ -18,6 +18,7 @@ from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from tests.factories import trigger_event
 from tests.ports import free_port
+from tests.tiers import thorough
 from tests.web.browser import CHROMIUM, Page, open_browser
 from tests.web.seen_flight import seen_flight
 from tests.web.small_flight import SmallFlight
@@ -86,6 +87,7 @@ class Person:
         self.page.wait_for(f"document.getElementById('{id_}').innerText.includes({json.dumps(text)})")
 
 
+@pytest.mark.long
 def test_a_find_is_marked_edited_deleted_and_brought_back(page: Page, url: str) -> None:
     someone = Person(page, url)
     someone.press("open-finds")
@@ -113,6 +115,7 @@ def test_a_find_is_marked_edited_deleted_and_brought_back(page: Page, url: str) 
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_lengths_a_scale_and_a_person_s_size(page: Page, url: str) -> None:
     someone = Person(page, url)
     someone.press("open-measure")
@@ -137,6 +140,7 @@ def test_lengths_a_scale_and_a_person_s_size(page: Page, url: str) -> None:
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_what_was_looked_at_closely_is_reviewed_and_the_rest_shaded(page: Page, url: str) -> None:
     someone = Person(page, url)
     someone.press("open-reviews")
@@ -149,6 +153,7 @@ def test_what_was_looked_at_closely_is_reviewed_and_the_rest_shaded(page: Page, 
     assert [one["who"] for one in reviewers] == ["operator"]
 
 
+@pytest.mark.long
 def test_pins_lay_the_map_and_the_cursor_tells_its_coordinate(page: Page, url: str) -> None:
     someone = Person(page, url)
     someone.press("open-anchors")
@@ -177,6 +182,7 @@ def test_pins_lay_the_map_and_the_cursor_tells_its_coordinate(page: Page, url: s
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_the_addresses_for_other_maps_can_be_pasted_and_scanned(page: Page, url: str) -> None:
     someone = Person(page, url)
     someone.press("open-elsewhere")
@@ -202,6 +208,7 @@ def test_the_addresses_for_other_maps_can_be_pasted_and_scanned(page: Page, url:
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_islands_stand_side_by_side_and_the_flight_is_played_again(page: Page, url: str, flight: SmallFlight) -> None:
     flight.islands.append(IslandEntry(id=3, bounds=(0, 0, 512, 512), minzoom=14, maxzoom=16, frames=1))
     flight.write()
@@ -223,6 +230,7 @@ def test_islands_stand_side_by_side_and_the_flight_is_played_again(page: Page, u
     assert page.complaints == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", SIZES, ids=str)
 def test_everything_can_be_reached_with_a_finger_and_the_map_stays_large(
     page: Page, url: str, size: tuple[int, int]
@@ -246,6 +254,7 @@ def test_everything_can_be_reached_with_a_finger_and_the_map_stays_large(
         assert not wide
 
 
+@pytest.mark.long
 def test_the_page_speaks_german(page: Page, url: str) -> None:
     Person(page, url)
     page.evaluate("localStorage.setItem('gcs-mosaic language', 'de')")
@@ -258,7 +267,8 @@ def test_the_page_speaks_german(page: Page, url: str) -> None:
         page.evaluate("localStorage.removeItem('gcs-mosaic language')")
 
 
-@pytest.mark.parametrize("theme", ["light", "dark", "night"])
+@pytest.mark.long
+@pytest.mark.parametrize("theme", ["light", thorough("dark"), thorough("night")])
 def test_nothing_hinders_who_sees_hears_or_moves_otherwise(page: Page, url: str, theme: str) -> None:
     """WCAG 2.1 AA as far as axe-core can tell, with each panel open, a find and a pin on the map, and the sheet of keys."""
     writer = Writer(url)
@@ -280,6 +290,7 @@ def test_nothing_hinders_who_sees_hears_or_moves_otherwise(page: Page, url: str,
     assert found == {}
 
 
+@pytest.mark.long
 def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
     someone = Person(page, url)
 
@@ -299,6 +310,7 @@ def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
     page.wait_for("document.getElementById('newest').getAttribute('aria-pressed') === 'true'")
 
 
+@pytest.mark.long
 def test_what_was_seen_stays_viewable_without_the_server(page: Page, tmp_path: Path) -> None:
     """Also after a reload; it is told as lost, and is the living map again when the server is back."""
     flight = seen_flight(tmp_path)
@@ -326,6 +338,7 @@ def test_what_was_seen_stays_viewable_without_the_server(page: Page, tmp_path: P
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_a_turned_map_is_clicked_dragged_and_fitted_as_it_is_seen(page: Page, url: str) -> None:
     someone = Person(page, url)
     middle = "(() => { const { x, y, width, height } = document.getElementById('pane').getBoundingClientRect();"
@@ -367,6 +380,7 @@ def test_a_turned_map_is_clicked_dragged_and_fitted_as_it_is_seen(page: Page, ur
     page.wait_for("getComputedStyle(document.getElementById('map')).rotate === 'none'")
 
 
+@pytest.mark.long
 def test_the_map_turns_with_the_flight(page: Page, url: str, flight: SmallFlight) -> None:
     someone = Person(page, url)
     someone.press("open-look")
@@ -380,6 +394,7 @@ def test_the_map_turns_with_the_flight(page: Page, url: str, flight: SmallFlight
     someone.press("turn-none")
 
 
+@pytest.mark.long
 def test_what_is_missing_is_marked_where_it_should_be(page: Page, url: str, flight: SmallFlight) -> None:
     with Ledger(flight.root / LEDGER_NAME) as ledger:
         for number, name in enumerate(["10.jpg", None, "30.jpg"]):

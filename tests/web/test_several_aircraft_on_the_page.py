@@ -55,6 +55,7 @@ def page(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, flight: Small
     server.stop()
 
 
+@pytest.mark.long
 def test_each_aircraft_has_a_colour_and_can_be_followed(page: Page, tmp_path: Path) -> None:
     page.wait_for(f"{LEGEND}.length === 3")
     assert page.evaluate(LEGEND) == ["1 3 frames", "2 3 frames, 4 waiting", "3 0 frames"]
@@ -71,6 +72,7 @@ def test_each_aircraft_has_a_colour_and_can_be_followed(page: Page, tmp_path: Pa
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_a_lone_aircraft_needs_no_legend(page: Page, flight: SmallFlight) -> None:
     flight.estimates = flight.estimates[::2]
     flight.write()

@@ -101,6 +101,7 @@ def url(tmp_path: Path, page: Page) -> Iterator[str]:
     server.stop()
 
 
+@pytest.mark.long
 def test_no_panel_runs_what_is_stored(page: Page, url: str) -> None:
     page.resize(1280, 800)
     page.open(url)
@@ -122,6 +123,7 @@ def test_no_panel_runs_what_is_stored(page: Page, url: str) -> None:
     assert not [text for text in page.complaints if "Content Security Policy" in text or "struck" in text]
 
 
+@pytest.mark.long
 def test_originals_show_a_name_as_text(page: Page, url: str) -> None:
     page.open(url)
     page.wait_for("document.querySelectorAll('.leaflet-tile-loaded img').length > 0")

@@ -104,6 +104,7 @@ def test_tiles_are_shown_and_exchanged_when_told(page: Page, url: str, feed: Fee
     assert page.complaints == []
 
 
+@pytest.mark.long
 def test_a_page_that_nobody_sees_lets_go_of_its_connection_and_is_new_when_it_is_seen_again(
     page: Page, url: str, feed: Feed, flight: SmallFlight
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_page_that_nobody_sees_lets_go_of_its_connection_and_is_new_when_it_is
     page.wait_for(at(tile, "blue"))
 
 
+@pytest.mark.long
 def test_page_asks_nothing_of_any_other_host(page: Page, url: str, flight: SmallFlight) -> None:
     page.requests.clear()
     flight.paint(square(16), RED)
@@ -135,6 +137,7 @@ def test_page_asks_nothing_of_any_other_host(page: Page, url: str, flight: Small
     assert page.hosts() == {url.split("/")[2]}
 
 
+@pytest.mark.long
 def test_growing_island_gets_new_tiles_without_reload(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=14, maxzoom=16, frames=1)]
     flight.paint(square(16), RED)
@@ -152,6 +155,7 @@ def test_growing_island_gets_new_tiles_without_reload(page: Page, url: str, feed
     assert page.evaluate("window.sameDocument")
 
 
+@pytest.mark.long
 def test_islands_can_be_chosen(page: Page, url: str, flight: SmallFlight) -> None:
     both = [IslandEntry(id=n, bounds=(0, 0, 256, 256), minzoom=14, maxzoom=16, frames=5 - n) for n in (0, 1)]
     flight.islands = both
@@ -164,6 +168,7 @@ def test_islands_can_be_chosen(page: Page, url: str, flight: SmallFlight) -> Non
     page.wait_for(at(square(16), "blue", island=1))
 
 
+@pytest.mark.long
 def test_how_well_the_island_in_view_fits_is_told(page: Page, url: str, flight: SmallFlight) -> None:
     known = {0: HeldOut(1.93, 9.12, 3120), 1: HeldOut(14.2, math.inf, 88), 2: None}
     flight.islands = [
@@ -205,6 +210,7 @@ def test_following_shows_the_newest_frame_where_it_is(page: Page, url: str, feed
 OUTLINE = "document.querySelector('.leaflet-overlay-pane path')?.getBoundingClientRect().left"
 
 
+@pytest.mark.long
 def test_the_list_of_all_frames_is_read_once(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.place("a.jpg", 128, 128)
     flight.paint(square(16), RED)
@@ -223,6 +229,7 @@ def test_the_list_of_all_frames_is_read_once(page: Page, url: str, feed: Feed, f
     assert "/placements.json" not in [part.path for part in read]
 
 
+@pytest.mark.long
 def test_a_page_that_missed_the_journal_reads_all_frames(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.place("a.jpg", 128, 128)
     flight.paint(square(16), RED)
@@ -238,6 +245,7 @@ def test_a_page_that_missed_the_journal_reads_all_frames(page: Page, url: str, f
     page.wait_for(f"{OUTLINE} > window.before + 20")
 
 
+@pytest.mark.long
 def test_the_outline_follows_a_covered_frame(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.place("a.jpg", 128, 128)
     flight.paint(square(16), RED)
@@ -270,6 +278,7 @@ def test_empty_page_says_what_is_waited_for(page: Page, url: str, flight: SmallF
     page.wait_for(f"{TEXT}.includes('Listening') && {TEXT}.includes('Watching frames: no frame')")
 
 
+@pytest.mark.long
 def test_silent_daemon_is_not_shown_as_flying(page: Page, url: str, flight: SmallFlight) -> None:
     flight.write()
     flight.status(updated_utc=1714564800.0)
@@ -278,6 +287,7 @@ def test_silent_daemon_is_not_shown_as_flying(page: Page, url: str, flight: Smal
     assert not page.evaluate(f"{TEXT}.includes('Flying')")
 
 
+@pytest.mark.long
 def test_how_far_behind_the_map_is_is_told(page: Page, url: str, flight: SmallFlight) -> None:
     flight.write()
     flight.status(behind=Behind(frames=12, seconds=40.2))
@@ -287,6 +297,7 @@ def test_how_far_behind_the_map_is_is_told(page: Page, url: str, flight: SmallFl
     page.wait_for(f"!{TEXT}.includes('behind')")
 
 
+@pytest.mark.long
 def test_what_a_link_left_out_is_shown(page: Page, url: str, flight: SmallFlight) -> None:
     flight.write()
     flight.status()
@@ -333,6 +344,7 @@ LOADED = "[...document.querySelectorAll('.leaflet-tile-loaded img')].filter((i) 
 NOT_LOADED = "document.querySelectorAll('.leaflet-tile.not-loaded').length"
 
 
+@pytest.mark.long
 def test_tiles_that_fail_are_asked_for_again_and_look_otherwise_than_what_nobody_has_seen(
     page: Page, url: str, flight: SmallFlight
 ) -> None:
@@ -350,6 +362,7 @@ def test_tiles_that_fail_are_asked_for_again_and_look_otherwise_than_what_nobody
     assert page.evaluate("window.sameDocument")
 
 
+@pytest.mark.long
 def test_scrolling_out_does_not_freeze_the_page(page: Page, url: str, flight: SmallFlight) -> None:
     shown_here(page, url, flight)
     page.evaluate(
@@ -364,6 +377,7 @@ def test_scrolling_out_does_not_freeze_the_page(page: Page, url: str, flight: Sm
     assert page.evaluate("window.longest") <= 200
 
 
+@pytest.mark.long
 def test_something_is_shown_all_the_time_while_the_map_grows(
     page: Page, url: str, feed: Feed, flight: SmallFlight
 ) -> None:
@@ -381,6 +395,7 @@ def test_something_is_shown_all_the_time_while_the_map_grows(
     assert page.evaluate("window.least") > 0
 
 
+@pytest.mark.long
 def test_a_good_end_does_not_look_like_a_crash(page: Page, tmp_path: Path, flight: SmallFlight) -> None:
     said = {}
     flight.place("a.jpg", 128, 128)
@@ -398,6 +413,7 @@ def test_a_good_end_does_not_look_like_a_crash(page: Page, tmp_path: Path, fligh
     assert "it crashed or was killed" in said["flying"]
 
 
+@pytest.mark.long
 def test_what_lasts_is_shown_by_how_bad_it_is_and_as_text(page: Page, url: str, flight: SmallFlight) -> None:
     condition = Condition(key="overlap", level="warning", text="<b>fly</b> back", since_utc=time.time())
     flight.status(conditions=(condition, replace(condition, key="behind", level="info", text="9 s behind")))
@@ -434,6 +450,7 @@ COLOURED = """[...document.querySelectorAll("#side :is(img, input[type=checkbox]
   .map(({ left, top, right, bottom }) => [left + 2, top + 2, right - 2, bottom - 2].map(Math.round))"""
 
 
+@pytest.mark.long
 def test_dark_ground_can_be_lightened_and_the_night_is_red(
     page: Page, url: str, flight: SmallFlight, tmp_path: Path
 ) -> None:
@@ -477,6 +494,7 @@ def another_revision(flight: SmallFlight) -> None:
     flight.status(revision=flight.manifest.revision)
 
 
+@pytest.mark.long
 def test_what_was_shown_stays_while_the_server_is_away_and_goes_on_when_it_is_back(
     page: Page, tmp_path: Path, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -564,6 +582,7 @@ def test_another_device_gets_in_by_the_link_and_stays_in(
     server.stop()
 
 
+@pytest.mark.long
 def test_hostile_names_stay_text(page: Page, url: str, flight: SmallFlight) -> None:
     evil = "<img src=x onerror=window.evil=1>"
     flight.write()

@@ -114,6 +114,7 @@ def _fills(template: str, sentence: str) -> bool:
     return re.fullmatch(re.sub(r"\\\{\w+\\\}", ".+", re.escape(template)), sentence) is not None
 
 
+@pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 def test_sentences_of_the_server_are_told_in_german(tmp_path: Path) -> None:
     seen_flight(tmp_path)

@@ -73,6 +73,7 @@ def outcome(out: Path) -> tuple[object, ...]:
     return states, events_of(out)
 
 
+@pytest.mark.long
 def test_the_flight_comes_out_as_it_was(flown: Running, again: Path) -> None:
     assert outcome(again) == outcome(flown.out)
     assert sorted(events_of(again)) == ["duplicate", *["matched"] * 7, *["missing"] * 2]

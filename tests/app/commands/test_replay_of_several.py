@@ -55,6 +55,7 @@ def matched(out: Path) -> list[tuple[int, str | None]]:
         return [(record.event.vehicle, record.frame) for record in ledger.events()]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("named", [True, False], ids=["by names", "by counters"])
 def test_each_aircraft_s_triggers_are_paired_with_its_own_frames(
     flown: Path, capsys: pytest.CaptureFixture[str], named: bool
@@ -73,6 +74,7 @@ def test_each_aircraft_s_triggers_are_paired_with_its_own_frames(
     assert f"3 files of aircraft 1, which came as told by {told}; 3 files of aircraft 2, which came" in said
 
 
+@pytest.mark.long
 def test_with_one_folder_the_triggers_of_all_count_if_that_is_asked_for(flown: Path) -> None:
     record(flown, named=False)
     out = replayed(flown, "--frames", "north", "--vehicles", "all")
@@ -80,12 +82,14 @@ def test_with_one_folder_the_triggers_of_all_count_if_that_is_asked_for(flown: P
     assert {frame.vehicle for frame in frames_of(out).values()} == {None}
 
 
+@pytest.mark.long
 def test_one_of_several_is_followed_if_that_is_asked_for(flown: Path) -> None:
     record(flown, named=True)
     out = replayed(flown, "--frames", "south", "--vehicle", "2")
     assert matched(out) == [(2, f"DCIM/IMG_{shot}.JPG") for shot in range(3)]
 
 
+@pytest.mark.long
 def test_a_folder_on_the_command_line_is_for_all_whatever_the_settings_say(flown: Path) -> None:
     record(flown, named=True)
     (flown / "settings.yaml").write_text("sources: [{vehicle: 1, watch: north}, {vehicle: 2, watch: south}]\n")

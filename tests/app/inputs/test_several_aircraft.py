@@ -164,6 +164,7 @@ def bring(flight: Running, folder: str, name: str, data: bytes) -> None:
     flight.bring(f"../{folder}/{name}", data)
 
 
+@pytest.mark.long
 def test_two_aircraft_whose_cameras_write_the_same_names(tmp_path: Path, pictures: list[bytes]) -> None:
     """Killed in the middle and started again, one map has the frames of both, and each has its own account; the recording
     of it, flown again, pairs the same."""

@@ -85,6 +85,7 @@ def ledger(flown: Running) -> dict[str, FrameRecord]:
     return frames_of(flown.out)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "state", "reason"),
     [
@@ -155,6 +156,7 @@ def test_what_happened_is_in_the_log(flown: Running) -> None:
     assert log.endswith("gcs_mosaic.app.status.flight_log: the flight has ended\n")
 
 
+@pytest.mark.long
 def test_the_status_is_told_of_an_ended_flight(flown: Running) -> None:
     told = run("status", flown.out, cwd=flown.home)
     assert told.returncode == 0
@@ -174,6 +176,7 @@ def test_a_half_written_file_is_waited_for(tmp_path: Path, pictures: list[bytes]
         assert events_of(flight.out) == ["matched"]
 
 
+@pytest.mark.long
 def test_hostile_words_on_the_link_do_no_harm(tmp_path: Path, pictures: list[bytes]) -> None:
     """URLs that lead elsewhere, noise and another program's commands; nothing is ever answered."""
     with flying(tmp_path) as flight:
@@ -212,6 +215,7 @@ def questions() -> Iterator[mavlink.MAVLink_message]:
     yield mavlink.MAVLink_timesync_message(0, 1)
 
 
+@pytest.mark.long
 def test_nothing_but_a_link_need_be_named(tmp_path: Path) -> None:
     with flying(tmp_path, config=None) as flight:
         assert flight.end() == 0
@@ -248,6 +252,7 @@ def test_an_output_folder_that_goes_and_comes_back(tmp_path: Path, pictures: lis
         assert flight.end() == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("part", "told"), [("watch", "the watching of "), ("triggers", "the link udpin:127.0.0.1:")])
 def test_a_thread_that_dies_is_told_and_the_rest_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str, told: str
@@ -288,6 +293,7 @@ def test_a_second_program_goes_beside_the_first(tmp_path: Path, pictures: list[b
     assert second.document("mosaic.json")["flight"] == "mosaic-2"
 
 
+@pytest.mark.long
 def test_pictures_that_come_while_the_program_starts_find_their_triggers(tmp_path: Path, pictures: list[bytes]) -> None:
     """The links are heard before everything else is there. Such triggers used to stay missing, though their files had come."""
     port, watched = free_port(), tmp_path / "frames"

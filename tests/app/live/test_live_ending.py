@@ -73,6 +73,7 @@ def test_asked_to_end_it_finishes_in_order(tmp_path: Path, pictures: list[bytes]
         assert_accounts_close(flight, frames=3)
 
 
+@pytest.mark.long
 def test_it_ends_before_the_first_frame(tmp_path: Path) -> None:
     with flying(tmp_path) as flight:
         assert flight.document("mosaic.json")["islands"] == []

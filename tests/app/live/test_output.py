@@ -49,6 +49,7 @@ def coming(tmp_path_factory: pytest.TempPathFactory) -> list[DecodedFrame]:
     ]
 
 
+@pytest.mark.long
 def test_everything_is_written_again_after_the_folder_was_deleted(coming: list[DecodedFrame], tmp_path: Path) -> None:
     watched, said = coming[0].frame.path.parent, list[Notice]()
     with closing(open_flight_folder(tmp_path / "out")) as folder:
@@ -203,6 +204,7 @@ def test_closed_standard_streams_change_no_exit_code(tmp_path: Path) -> None:
     assert done.returncode == 0
 
 
+@pytest.mark.long
 def test_what_was_not_kept_is_found_by_the_end_and_its_tiles_are_painted(
     coming: list[DecodedFrame], tmp_path: Path
 ) -> None:

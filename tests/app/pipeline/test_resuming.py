@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -42,10 +43,11 @@ from tests import factories
 from tests.rebuilt import assert_explained
 from tests.running import Running, events_of, flying, frames_of, six_pictures
 from tests.sure import sure
+from tests.tiers import thorough
 
 CONFIG = Config()
-MORE_CUTS = [(1, 0), (8, 5), (11, 0)]
-CUTS = [(3, 2), (6, 0), *(pytest.param(*cut, marks=[pytest.mark.long, pytest.mark.thorough]) for cut in MORE_CUTS)]
+MORE_CUTS = [(1, 0), (6, 0), (8, 5), (11, 0)]
+CUTS = [(3, 2), *starmap(thorough, MORE_CUTS)]
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +105,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, frames: list[Frame]) -
     return map_of(out)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cut", "lost"), CUTS)
 def test_a_resumed_flight_gives_the_map_of_an_undisturbed_one(
     tmp_path: Path, frames: list[Frame], undisturbed: dict[str, Any], cut: int, lost: int
@@ -143,6 +146,7 @@ def test_the_newest_version_of_a_file_is_known(tmp_path: Path, frames: list[Fram
         assert files_taken(ledger.frames()) == {"a.jpg": Taken(10, 4, 5.0), "b#2.jpg": Taken(1, 3, 5.0)}
 
 
+@pytest.mark.long
 def test_a_killed_flight_goes_on_with_what_came_meanwhile(tmp_path: Path, world_cache: Path) -> None:
     pictures = six_pictures(world_cache)
     with flying(tmp_path) as flight:
@@ -170,6 +174,7 @@ def assert_one_flight(flight: Running) -> None:
     assert flight.document("mosaic.json")["frames"]["placed"] == 5
 
 
+@pytest.mark.long
 def test_a_damaged_checkpoint_costs_time_but_no_frame(tmp_path: Path, world_cache: Path) -> None:
     pictures = six_pictures(world_cache)
     with flying(tmp_path) as flight:

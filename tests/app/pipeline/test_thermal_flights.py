@@ -94,6 +94,7 @@ STEPS: dict[str, Callable[[Counts], Counts]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "step", [name if number == 0 else pytest.param(name, marks=pytest.mark.long) for number, name in enumerate(STEPS)]
 )
@@ -121,6 +122,7 @@ def test_a_sensor_that_drifts_is_followed(tmp_path: Path) -> None:
     assert display.white[0] - display.black[0] < 650  # 520 without drift, which is 1,400 in all
 
 
+@pytest.mark.long
 def test_neither_a_closed_shutter_nor_warm_tarmac_decides_the_range(tmp_path: Path) -> None:
     """A flight began with a flat-field frame and warm tarmac (31,000 counts), then came cold ground (27,800): all were placed,
     the shutter too, the map was black and nothing was said (thermal TIFFs in the trackers of OpenDroneMap and WebODM)."""
@@ -163,6 +165,7 @@ def taken(tmp_path: Path) -> list[Frame]:
     return [frame for frame in frames_in(folder).frames if isinstance(frame, Frame)]
 
 
+@pytest.mark.long
 def test_a_range_that_is_fitted_again_is_painted_in_pauses(tmp_path: Path, taken: list[Frame]) -> None:
     """Frames beyond the range so far: the map is wrong, which is told, until what was painted is painted anew."""
     out = tmp_path / "out"
@@ -182,6 +185,7 @@ def test_a_range_that_is_fitted_again_is_painted_in_pauses(tmp_path: Path, taken
     assert max(abs(here.mean() - there.mean()), abs(here.std() - there.std())) < 5  # grey levels
 
 
+@pytest.mark.long
 def test_a_flight_that_is_gone_on_with_goes_on_in_its_range(tmp_path: Path, taken: list[Frame]) -> None:
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     with closing(live(whole)) as pipeline:

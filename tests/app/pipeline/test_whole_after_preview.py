@@ -25,14 +25,15 @@ from tests.app.pipeline.test_resuming import CONFIG, accepted, finished, map_of,
 from tests.rebuilt import assert_explained
 from tests.running import six_pictures
 from tests.sure import sure
+from tests.tiers import thorough
 
 SHOT, WHOLE = "2.jpg", "2.jpg#2"
 SIZES = [(240, 180), (480, 360)]  # of the preview; the last one is as large as the whole, but blurred
 
-MORE_CUTS = [pytest.param(*cut, marks=[pytest.mark.long, pytest.mark.thorough]) for cut in ((0, 6), (4, 5), (5, 6))]
+MORE_CUTS = [thorough(*cut) for cut in ((0, 6), (4, 5), (5, 6))]
 
 
-@pytest.fixture(scope="module", params=SIZES, ids=str)
+@pytest.fixture(scope="module", params=[SIZES[0], thorough(SIZES[1])], ids=str)
 def came(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> list[Frame]:
     """Six shots in order of arrival; of the third a preview comes first, and the whole picture after the fourth."""
     folder = tmp_path_factory.mktemp("card")
@@ -69,6 +70,7 @@ def states(out: Path) -> dict[str, str]:
         return {frame.name: str(frame.state) for frame in ledger.frames()}
 
 
+@pytest.mark.long
 def test_the_whole_picture_covers_the_preview(out: Path, came: list[Frame]) -> None:
     with closing(pipeline(out)) as flight:
         fly(flight, came[:4])
@@ -89,6 +91,7 @@ def test_the_whole_picture_covers_the_preview(out: Path, came: list[Frame]) -> N
     assert_explained(out, out.parent / "again", fewest=5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("saved_after", "cut"), [(3, 5), *MORE_CUTS])
 def test_a_flight_cut_off_before_or_after_it_goes_on_to_the_same_map(
     tmp_path: Path, out: Path, came: list[Frame], saved_after: int, cut: int
@@ -110,6 +113,7 @@ def test_a_flight_cut_off_before_or_after_it_goes_on_to_the_same_map(
     assert map_of(out) == map_of(tmp_path / "undisturbed")
 
 
+@pytest.mark.long
 def test_a_whole_picture_without_a_place_leaves_the_preview_on_the_map(
     out: Path, came: list[Frame], tmp_path: Path
 ) -> None:
@@ -124,6 +128,7 @@ def test_a_whole_picture_without_a_place_leaves_the_preview_on_the_map(
     assert_explained(out, tmp_path / "again", fewest=5)
 
 
+@pytest.mark.long
 def test_what_the_preview_covered_is_covered_by_the_whole_picture(out: Path, came: list[Frame], tmp_path: Path) -> None:
     """The aircraft hovered, and another small picture of the same ground came before the whole one."""
     seen = sure(cv2.imread(str(came[2].path))).astype(np.float32)

@@ -79,6 +79,7 @@ def break_at(monkeypatch: pytest.MonkeyPatch, frame: str, error: Exception) -> N
 # A whole flight
 
 
+@pytest.mark.long
 def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_traceback_in_the_log(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,6 +96,7 @@ def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_tra
     assert "  | RuntimeError: surprise\n" in log
 
 
+@pytest.mark.long
 def test_every_refusal_is_in_the_log_with_its_numbers(frames: Path, tmp_path: Path) -> None:
     registration = Config().stitch.registration
     strict = replace(Config().stitch, registration=replace(registration, least_evidence=1e6))
@@ -109,6 +111,7 @@ def test_every_refusal_is_in_the_log_with_its_numbers(frames: Path, tmp_path: Pa
     assert log.endswith("the flight has ended\n")
 
 
+@pytest.mark.long
 def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames: Path, tmp_path: Path) -> None:
     out = stitch([frames], tmp_path / "out", replace(Config(), log=LogSettings(level="debug")), QUIET)
     assert re.search(
@@ -116,6 +119,7 @@ def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames: Path, t
     )
 
 
+@pytest.mark.long
 def test_verbose_tells_the_terminal_and_never_a_traceback(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -134,6 +138,7 @@ def test_verbose_tells_the_terminal_and_never_a_traceback(
         assert twice not in said["b"].err
 
 
+@pytest.mark.long
 def test_all_that_is_said_at_the_end_is_in_the_log(
     frames: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,6 +166,7 @@ def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(
     assert "6.5 px" not in capfd.readouterr().err
 
 
+@pytest.mark.long
 def test_brackets_in_names_and_errors_are_no_markup(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -206,6 +212,7 @@ def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(
     )
 
 
+@pytest.mark.long
 def test_a_fault_outside_of_any_frame_ends_the_flight_with_one_sentence(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

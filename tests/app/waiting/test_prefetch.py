@@ -52,6 +52,7 @@ def frame(number: int) -> Frame:
     )
 
 
+@pytest.mark.long
 def test_frames_that_come_faster_than_they_are_prepared_have_their_turns(preparation: Preparation) -> None:
     """Three or more come while one is prepared: each turn has one that is newer than the last, and none waits for ever."""
     taken = list[int]()
@@ -70,6 +71,7 @@ def test_frames_that_come_faster_than_they_are_prepared_have_their_turns(prepara
     assert taken[-1] > 45
 
 
+@pytest.mark.long
 def test_all_that_were_passed_over_have_theirs_in_the_end_in_order(preparation: Preparation) -> None:
     """However long each takes."""
     for number in range(8):

@@ -107,6 +107,7 @@ def write(folder: Path, shots: Sequence[Files]) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_bands_become_one_frame_live_as_from_a_folder(tmp_path: Path, shots: list[Files]) -> None:
     watched = Watched(tmp_path / "live")
     for files in shots:
@@ -126,6 +127,7 @@ def test_bands_become_one_frame_live_as_from_a_folder(tmp_path: Path, shots: lis
     assert given.passed_over == ()
 
 
+@pytest.mark.long
 def test_a_frame_says_what_it_was_made_from_and_keeps_the_reference_as_it_was(
     tmp_path: Path, shots: list[Files]
 ) -> None:
@@ -144,6 +146,7 @@ def test_a_frame_says_what_it_was_made_from_and_keeps_the_reference_as_it_was(
     assert first.size == len(first.data) != len(data)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(k, marks=[pytest.mark.long, pytest.mark.thorough]) for k in (1, 2))]
 )
@@ -157,6 +160,7 @@ def test_files_may_come_in_any_order_over_seconds(tmp_path: Path, shots: list[Fi
     assert {pixels(frame).shape[2] for frame in watched.frames} == {len(BANDS)}
 
 
+@pytest.mark.long
 def test_a_shot_without_one_band_is_mapped_by_its_reference_which_is_said(tmp_path: Path, shots: list[Files]) -> None:
     lacking = [
         files if k != 3 else {n: d for n, d in files.items() if "_4.tif" not in n} for k, files in enumerate(shots)
@@ -174,6 +178,7 @@ def test_a_shot_without_one_band_is_mapped_by_its_reference_which_is_said(tmp_pa
     assert "_4 has not come" in given.said[-1].text
 
 
+@pytest.mark.long
 def test_where_it_does_not_show_how_bands_lie_one_is_mapped_of_all_shots(tmp_path: Path, water: list[Files]) -> None:
     given = frames_in(write(tmp_path / "given", water))
     assert {frame.name: pixels(frame).shape[2] for frame in given.frames} == {file_of(k, 2): 1 for k in range(12)}
@@ -187,6 +192,7 @@ def test_where_it_does_not_show_how_bands_lie_one_is_mapped_of_all_shots(tmp_pat
     assert {frame.name: pixels(frame).shape[2] for frame in watched.frames} == {file_of(k, 2): 1 for k in range(4)}
 
 
+@pytest.mark.long
 def test_over_water_later_bands_lie_as_they_did_before(tmp_path: Path, shots: list[Files], water: list[Files]) -> None:
     later = {name.replace("IMG_0007", "IMG_0030"): data for name, data in water[7].items()}
     found = list(frames_in(write(tmp_path / "given", [*shots, later])).frames)
@@ -198,6 +204,7 @@ def test_over_water_later_bands_lie_as_they_did_before(tmp_path: Path, shots: li
     assert min(around) - 60 < image[100, 200, 2] < max(around) + 60
 
 
+@pytest.mark.long
 def test_a_band_of_another_size_and_one_of_noise_are_left_out(tmp_path: Path, shots: list[Files]) -> None:
     rng = np.random.default_rng(6)
     more = [
@@ -224,6 +231,7 @@ def test_who_asks_for_one_band_gets_it(tmp_path: Path, shots: list[Files], setti
     assert {frame.name: pixels(frame).shape[2] for frame in watched.frames} == {file_of(k, band): 1 for k in range(2)}
 
 
+@pytest.mark.long
 def test_a_damaged_band_costs_its_shot_the_others_alone(tmp_path: Path, shots: list[Files]) -> None:
     name = file_of(4, 5)
     damaged = [*shots[:4], shots[4] | {name: shots[4][name][:2000]}]
@@ -231,6 +239,7 @@ def test_a_damaged_band_costs_its_shot_the_others_alone(tmp_path: Path, shots: l
     assert [pixels(frame).shape[2] for frame in found] == [5, 5, 5, 5, 1]
 
 
+@pytest.mark.long
 def test_bands_of_two_moments_are_not_mixed(tmp_path: Path, ground: NDArray[np.uint8]) -> None:
     """As after a card was formatted, when the same numbers come again over files that were left."""
     noon = datetime(2026, 5, 1, 12)
@@ -247,6 +256,7 @@ def test_bands_of_two_moments_are_not_mixed(tmp_path: Path, ground: NDArray[np.u
     assert [pixels(frame).shape[2] for frame in found] == [5, 5, 5, 5, 1]
 
 
+@pytest.mark.long
 def test_what_was_taken_is_not_put_together_again(tmp_path: Path, shots: list[Files]) -> None:
     watched = Watched(tmp_path / "live")
     for files in shots[:3]:
@@ -263,6 +273,7 @@ def test_what_was_taken_is_not_put_together_again(tmp_path: Path, shots: list[Fi
     assert {frame.name: pixels(frame).shape[2] for frame in again.frames} == {file_of(k, 2): 5 for k in (3, 4)}
 
 
+@pytest.mark.long
 def test_a_shot_that_a_flight_has_by_one_band_is_not_taken_again(tmp_path: Path, shots: list[Files]) -> None:
     """As after a live flight that ended before its bands were there; pictures of another time are others."""
     folder = write(tmp_path / "given", shots)
@@ -272,6 +283,7 @@ def test_a_shot_that_a_flight_has_by_one_band_is_not_taken_again(tmp_path: Path,
     assert [item.name for item in found if isinstance(item, Frame)] == [f"{file_of(0, 2)}#2"]
 
 
+@pytest.mark.long
 def test_a_single_shot_at_take_off_does_not_decide(tmp_path: Path, shots: list[Files]) -> None:
     watched = Watched(tmp_path / "live")
     watched.bring(shots[0], 0.1)
@@ -292,6 +304,7 @@ def test_shots_that_wait_when_the_flight_ends_are_mapped_by_one_band(tmp_path: P
     assert {frame.name: pixels(frame).shape[2] for frame in found} == {file_of(k, 2): 1 for k in range(2)}
 
 
+@pytest.mark.long
 def test_no_shot_is_lost_when_the_flight_ends_as_something_is_said(
     tmp_path: Path, shots: list[Files], water: list[Files]
 ) -> None:
@@ -322,6 +335,7 @@ def ending_at_a_notice(watched: Watched, later_s: float) -> list[Frame]:
     return [item for item in (*before, *watched.watch.rest()) if isinstance(item, Frame)]
 
 
+@pytest.mark.long
 def test_what_fails_for_a_shot_costs_its_bands_alone(
     tmp_path: Path, shots: list[Files], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -333,6 +347,7 @@ def test_what_fails_for_a_shot_costs_its_bands_alone(
     assert {frame.name: pixels(frame).shape[2] for frame in found} == {file_of(k, 2): 1 for k in range(SHOTS)}
 
 
+@pytest.mark.long
 def test_a_reference_that_is_tagged_later_is_no_frame_of_its_own(tmp_path: Path, shots: list[Files]) -> None:
     watched = Watched(tmp_path / "live")
     for files in shots[:4]:
@@ -344,6 +359,7 @@ def test_a_reference_that_is_tagged_later_is_no_frame_of_its_own(tmp_path: Path,
     assert len(watched.frames) == 4
 
 
+@pytest.mark.long
 def test_bands_that_are_tagged_as_they_come_are_waited_for(tmp_path: Path, shots: list[Files]) -> None:
     """A file is written again between its arrival and the last one's."""
     watched = Watched(tmp_path / "live")

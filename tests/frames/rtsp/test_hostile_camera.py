@@ -94,6 +94,7 @@ UNUSUAL = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", UNUSUAL)
 def test_a_stream_that_cannot_be_received_is_refused_with_a_reason_and_in_time(name: str) -> None:
     began = time.monotonic()
@@ -121,6 +122,7 @@ def said_by(camera: HostileCamera, enough: Callable[[list[str]], bool]) -> list[
     return said
 
 
+@pytest.mark.long
 def test_a_camera_that_breaks_off_again_and_again_is_told_of_once() -> None:
     """Two lines a second, for as long as it did."""
     with HostileCamera(flood=lambda: noise(4000, 4000)) as camera:

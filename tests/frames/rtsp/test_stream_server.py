@@ -133,6 +133,7 @@ def test_no_damaged_picture_is_ever_taken() -> None:
     assert np.median(off_s) <= PERIOD_S + 0.05  # single ones are held up by a busy machine
 
 
+@pytest.mark.long
 def test_a_blurred_picture_gives_way_to_a_sharp_neighbour() -> None:
     with listening(StreamingCamera()) as flight:
         flight.film.blurred = lambda number: number % 5 == 0
@@ -154,6 +155,7 @@ def test_the_right_picture_is_taken_for_300_triggers(long_flight: Future[Flown])
     assert flown.report.damaged == flown.report.gaps == 0
 
 
+@pytest.mark.long
 def test_a_crash_of_what_receives_costs_some_pictures_and_is_said() -> None:
     """FFmpeg runs in a process of its own."""
     with listening(StreamingCamera()) as flight:

@@ -159,6 +159,7 @@ def test_times_that_jump_back_go_on(tmp_path: Path) -> None:
     assert len(found) == 1 + int(3960 / STEP_MS)
 
 
+@pytest.mark.long
 def test_what_an_earlier_run_took_is_gone_on_with(tmp_path: Path) -> None:
     path = write_film(tmp_path / "a.mp4", flight(4.0))
     whole = chosen(path)

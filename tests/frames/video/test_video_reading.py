@@ -156,6 +156,7 @@ def watching(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watchi
     watched.videos.close()
 
 
+@pytest.mark.long
 def test_a_video_is_read_when_it_stands_still_and_read_on_when_it_has_grown(film: Path, watching: Watching) -> None:
     target, data = watching.folder / "FLIGHT.TS", film.read_bytes()
     for part in range(1, 6):  # while it is copied
@@ -186,6 +187,7 @@ def test_a_recording_that_is_not_finished_is_waited_for(watching: Watching) -> N
     assert [frame.name for frame in watching.frames] == ["a.mp4/000000.000.jpg", "a.mp4/000000.920.jpg"]
 
 
+@pytest.mark.long
 def test_a_video_waits_while_there_is_no_room(film: Path, watching: Watching) -> None:
     shutil.copy(film, watching.folder)
     watching.room.note(100)

@@ -39,6 +39,7 @@ def shortest_ways(placements: Mapping[str, Placement], root: str) -> dict[str, i
     return hops
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("adjusted", [True, False])
 def test_hops_are_the_shortest_way_to_the_root(ground: Image, adjusted: bool) -> None:
     placements = flown(ground, line(300, 500, 9), Mosaic(), adjusted=adjusted)

@@ -164,6 +164,7 @@ def test_the_gradient_is_that_of_the_cost() -> None:
     assert ahead - behind == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("bound", "value"), [("LONGEST_FOCAL", 1.2), ("MOST_BARREL", 0.01)])
 def test_poses_are_found_though_the_true_lens_is_beyond_what_is_believed(
     monkeypatch: pytest.MonkeyPatch, bound: str, value: float

@@ -134,6 +134,7 @@ def test_tasks_change_nothing(shape: str, monkeypatch: pytest.MonkeyPatch) -> No
     assert apart.tobytes() == together.tobytes()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("small_tasks")
 def test_an_adjustment_is_the_same_bytes_however_many_processes_work_on_it() -> None:
     flight = survey(200)

@@ -57,6 +57,7 @@ def test_what_is_known_is_certain_and_the_rest_is_the_inverse_without_it(shape: 
     assert_blocks_of_inverse(normal, known, lens_of_each(normal))
 
 
+@pytest.mark.long
 def test_two_lenses_that_have_nothing_to_do_with_each_other() -> None:
     links, places = SHAPES["a survey"]
     problem = problem_with(np.concatenate([links, links + 150]), np.concatenate([places, places]), cameras=2)

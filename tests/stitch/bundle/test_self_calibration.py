@@ -18,6 +18,7 @@ from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Sol
 from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.stitch.graph.view_graph import Lens, ViewGraph
 from tests.benchmarks.lenses import FOCALS, TILTS, NadirFlight, adjusted, error_and_deviation, flown, village
+from tests.tiers import thorough
 
 DETERMINED = 2.0  # degrees: spread of tilts from which on a hundred frames over flat ground determine a focal length
 CLOSE = 0.05  # error of the log of a focal length
@@ -58,7 +59,10 @@ def test_without_tilts_an_ordinary_lens_is_kept_and_stated_as_uncertain(focal: f
     assert abs(error) < 2 * deviation
 
 
-@pytest.mark.parametrize("flight", ASTRAY, ids=["hills", "shutter", "shutter and principal point"])
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "flight", [ASTRAY[0], *map(thorough, ASTRAY[1:])], ids=["hills", "shutter", "shutter and principal point"]
+)
 def test_what_is_no_lens_does_not_pull_at_it(flight: NadirFlight) -> None:
     solution = adjusted(flown(flight))
     error, deviation = error_and_deviation(solution, flight.focal)
@@ -67,6 +71,7 @@ def test_what_is_no_lens_does_not_pull_at_it(flight: NadirFlight) -> None:
     assert np.abs(solution.lenses[0, 3:]).max() < LARGEST_SHIFT
 
 
+@pytest.mark.long
 def test_a_lens_at_a_limit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """The matches determine the focal length, but nothing so short is made."""
     monkeypatch.setattr(lens, "SHORTEST_FOCAL", 1.3)

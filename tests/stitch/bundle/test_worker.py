@@ -66,6 +66,7 @@ def worker() -> Iterator[WorkerProcess]:
     worker.close()
 
 
+@pytest.mark.long
 def test_it_finds_what_would_be_found_here(task: IslandTask, worker: WorkerProcess) -> None:
     worker.begin(task)
     there, here = worker.result(), adjusted(task)
@@ -117,6 +118,7 @@ def test_a_process_that_is_killed_is_told_and_begun_anew(
     assert isinstance(worker.result(), AdjustedIsland)
 
 
+@pytest.mark.long
 def test_a_killed_process_costs_a_map_one_adjustment_and_not_those_after_it(ground: Image) -> None:
     settings = StitchSettings(upkeep=UpkeepSettings(background_from=3, per_doubling=8))
     with closing(WorkerProcess()) as worker:
@@ -174,6 +176,7 @@ def test_an_answer_is_never_taken_for_that_to_another_task(task: IslandTask, wor
 SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sign", SIGNALS)
 def test_a_closed_terminal_loses_no_running_adjustment(
     task: IslandTask, worker: WorkerProcess, sign: signal.Signals

@@ -73,6 +73,7 @@ def test_matches_are_true(ground: Image, kind: FeatureKind) -> None:
     assert good.mean() > 0.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_default_method_stitches_with_it(ground: Image, kind: FeatureKind) -> None:
     mosaic = Mosaic(StitchSettings(features=FeatureSettings(kind=kind)))

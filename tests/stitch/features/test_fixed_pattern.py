@@ -54,6 +54,7 @@ def test_with_the_pattern_in_it_the_ground_is_lost() -> None:
     assert found is None or abs(found).max() < 5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("contrast", [1.5, 3.0])
 def test_hovering_takes_nothing_away(contrast: float) -> None:
     found = list(flown([(300, 300)] * 30, 0.0, contrast))
@@ -85,6 +86,7 @@ def test_frames_with_enough_to_see_pass_untouched(ground: Image) -> None:
     assert StillPattern().without(features, SETTINGS) is features
 
 
+@pytest.mark.long
 def test_the_same_frames_give_the_same_features() -> None:
     first, second = (list(flown(moving(12, 40), faint_frames.fixed_pattern(2.0))) for _ in range(2))
     assert all(np.array_equal(a.descriptors, b.descriptors) for a, b in zip(first, second, strict=True))
@@ -131,6 +133,7 @@ def overflown(count: int, step: int) -> list[Pose]:
     return [Pose(400 + step * k, 500 + step * k // 4, 0.0, 0.03 * k) for k in range(count)]
 
 
+@pytest.mark.long
 def test_a_flight_under_a_display_is_placed_as_without_and_its_frames_are_told(ground: Image) -> None:
     mosaic, poses = Mosaic(), overflown(10, 120)
     for number, pose in enumerate(poses):
@@ -148,6 +151,7 @@ def test_a_flight_under_a_display_is_placed_as_without_and_its_frames_are_told(g
     assert not texture[one.pixels(texture.shape[0], texture.shape[1])].any()
 
 
+@pytest.mark.long
 def test_hovering_is_no_overlay_and_keeps_its_matches(ground: Image) -> None:
     pattern, rng = StillPattern(), np.random.default_rng(0)
     here = photograph(ground, Pose(700, 700), SMALL_CAMERA)

@@ -179,6 +179,7 @@ def bad_files(folder: Path) -> dict[str, Path]:
     }
 
 
+@pytest.mark.long
 def test_a_file_that_cannot_be_used_is_refused_in_one_sentence_that_says_what_to_do(tmp_path: Path) -> None:
     for said, path in bad_files(tmp_path).items():
         with pytest.raises(UnusableModel) as here:

@@ -33,6 +33,7 @@ def test_only_the_frames_asked_for_are_looked_at(ground: Image) -> None:
     assert index.likeliest(features, np.array([], dtype=np.intp), 9) == []
 
 
+@pytest.mark.long
 def test_a_query_compares_itself_with_a_small_part_of_what_is_stored(
     ground: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,6 +11,7 @@ from gcs_mosaic.stitch.arrays import Mask
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.still import LEAST_GROUNDS, Grounds
 from gcs_mosaic.stitch.features.texture import texture
+from tests.tiers import thorough
 
 WIDTH, HEIGHT = 480, 360
 GROUND = textured_ground(2400, 3)
@@ -103,8 +104,9 @@ def test_a_few_frames_of_poor_ground_are_enough(draw: Draw) -> None:
     assert covered(taken(LEAST_GROUNDS, draw, 0.1))[BOXES[draw]].mean() > 0.7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("contrast", [0.02, 0.1, 1.0])
-@pytest.mark.parametrize("count", [LEAST_GROUNDS, 6, 12, 40])
+@pytest.mark.parametrize("count", [LEAST_GROUNDS, thorough(6), thorough(12), 40])
 def test_without_an_overlay_next_to_nothing_is_masked(count: int, contrast: float) -> None:
     assert covered(taken(count, nothing, contrast)).mean() < 0.005
 
@@ -126,6 +128,7 @@ def test_a_pattern_all_over_the_frame_is_no_overlay_and_writing_on_it_is() -> No
     assert mask[200:].mean() < 0.005
 
 
+@pytest.mark.long
 def test_an_overlay_that_is_switched_off_is_forgotten() -> None:
     on, off = taken(6, logo), taken(60, nothing)
     assert covered(on)[BOXES[logo]].all()

@@ -29,16 +29,19 @@ def everywhere(graph: ViewGraph) -> Array:
     return graph.frames[0].features.points.astype(np.float64)
 
 
+@pytest.mark.long
 def test_matches_all_over_the_overlap_confirm_a_place(graph: ViewGraph) -> None:
     assert confirmed_around(graph, 0, HERE, 0, [1], [everywhere(graph)]).share == 1
 
 
+@pytest.mark.long
 def test_matches_on_one_thing_confirm_only_that(graph: ViewGraph) -> None:
     points = everywhere(graph)
     thing = points[((points > [250, 120]) & (points < [350, 200])).all(axis=1)]
     assert 0 < confirmed_around(graph, 0, HERE, 0, [1], [thing]).share < 0.25
 
 
+@pytest.mark.long
 def test_what_only_another_frame_should_see_is_not_asked_of_this_one(graph: ViewGraph) -> None:
     points = everywhere(graph)
     right = points[points[:, 0] > 120]

@@ -43,6 +43,7 @@ def all_covered(outcomes: list[Outcome]) -> list[Covered]:
     return covered
 
 
+@pytest.mark.long
 def test_a_hover_is_one_keyframe(ground: Image) -> None:
     mosaic = Mosaic()
     outcomes = fly(mosaic, ground, hover(10))
@@ -64,6 +65,7 @@ def test_covered_frames_take_no_part(ground: Image) -> None:
     assert len(with_hover.covered()) == 6
 
 
+@pytest.mark.long
 def test_covered_frames_lie_where_they_were_taken(ground: Image) -> None:
     poses = [*moved_along(3, 130), *hover(8, 760 + 4, 900)]
     mosaic = Mosaic()
@@ -96,6 +98,7 @@ def test_a_slow_drift_does_not_add_up(ground: Image) -> None:
     assert max(np.diff(places)) < most + 0.01 * WIDTH + 1
 
 
+@pytest.mark.long
 def test_a_return_is_covered_by_what_was_placed_before(ground: Image) -> None:
     """To and fro: the keyframe placed last is too far, an earlier one is not."""
     there = moved_along(4, 0.1 * WIDTH)

@@ -75,6 +75,7 @@ def test_bridges_that_share_their_ground_count_once(
     assert bridges.add(bridge(search, 5, 2))
 
 
+@pytest.mark.long
 def test_an_overlap_that_does_not_bear_it_out_refutes_any_number_of_bridges(search: Search, bridges: Bridges) -> None:
     """Right matches on something alike, 80 px further: what should lie around it is not found."""
     for a, b in ((3, 0), (4, 1), (5, 2)):
@@ -89,6 +90,7 @@ def test_a_bridge_whose_own_matches_disagree_is_none(search: Search, bridges: Br
     assert bridges.add(Bridge(3, 0, mess)) == []
 
 
+@pytest.mark.long
 def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(
     search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,6 +111,7 @@ def seeing(monkeypatch: pytest.MonkeyPatch, *around: Confirmed) -> None:
 MUCH_SEEN, LITTLE_SEEN, NOTHING_SEEN = Confirmed(0.9, 30), Confirmed(0.0, 1), Confirmed(1.0, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("other", [LITTLE_SEEN, NOTHING_SEEN], ids=["one cell", "nothing"])
 def test_a_witness_that_has_seen_too_little_to_tell_refutes_nothing(
     search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch, other: Confirmed
@@ -134,6 +137,7 @@ def test_a_witness_that_has_seen_enough_and_found_nothing_refutes_any_bridge(
     assert not bridges.add(bridge(search, 4, 1))
 
 
+@pytest.mark.long
 def test_two_frames_make_one_bridge_however_often_they_are_compared(
     search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -107,6 +107,7 @@ def test_a_picture_that_raises_ends_no_search(pictures: Pictures) -> None:
     assert max(mosaic.frame_counts().values()) == 2  # the other two
 
 
+@pytest.mark.long
 def test_little_is_looked_at_in_vain(ground: Image) -> None:
     """Twelve frames of which no two show one place."""
     far_apart = [Pose(300 + 600 * (i % 4), 300 + 600 * (i // 4)) for i in range(12)]

@@ -96,6 +96,7 @@ def test_addresses_in_documents_bear_the_token_that_was_given_and_no_other(stran
     assert f"/wms?token={TOKEN}&amp;" in both
 
 
+@pytest.mark.long
 def test_the_token_is_in_no_log(
     stranger: Served, flight: AnchoredFlight, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

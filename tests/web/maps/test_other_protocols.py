@@ -195,6 +195,7 @@ def test_addresses_have_the_token_where_it_is_needed_and_an_import_link_is_quote
     assert MapAddresses("http://[fd00::5]:8470/", "f-1").wms == "http://[fd00::5]:8470/maps/f-1/wms"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["a <b> & 'c' \"d\"", "großer Flug ]]>", "no \ufffd control"])
 def test_names_of_flights_do_no_harm(pinned: Writer, flight: AnchoredFlight, name: str) -> None:
     path = flight.root / "mosaic.json"

@@ -20,6 +20,7 @@ def flight(request: pytest.FixtureRequest, tmp_path: Path, fresh_tables: None) -
     return MarkedFlight(root, anchor(gsd_m=0.1, turned_deg=-52.0, latitude=request.param))
 
 
+@pytest.mark.long
 def test_xyz(pinned: Writer, flight: AnchoredFlight) -> None:
     level = flight.laid.levels[1]
     tiles = f"http://{pinned.netloc}/maps/{FLIGHT}/${{z}}/${{x}}/${{y}}.png"
@@ -35,6 +36,7 @@ def test_xyz(pinned: Writer, flight: AnchoredFlight) -> None:
         assert worst_px(dataset, flight) < 1.0
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore:Dataset has no geotransform")  # a service has none, only its layers
 @pytest.mark.parametrize("version", ["1.1.1", "1.3.0"])
 def test_wms_by_its_capabilities(pinned: Writer, flight: AnchoredFlight, version: str) -> None:

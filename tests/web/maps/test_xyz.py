@@ -152,6 +152,7 @@ def test_islands_are_shown_together_or_alone_and_those_without_an_anchor_are_nam
     assert pinned.status(f"{path}?island=x") == 400
 
 
+@pytest.mark.long
 def test_an_island_that_joins_another_takes_its_anchor_away(pinned: Writer, flight: AnchoredFlight) -> None:
     path = address(flight.laid, flight.laid.levels[1])
     assert picture_of(pinned.ask(path)[1]).any()
@@ -160,6 +161,7 @@ def test_an_island_that_joins_another_takes_its_anchor_away(pinned: Writer, flig
     until(lambda: not picture_of(pinned.ask(path)[1]).any(), "gone", 15)
 
 
+@pytest.mark.long
 def test_while_the_notes_cannot_be_read_the_map_stays(
     pinned: Writer, flight: AnchoredFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -185,6 +187,7 @@ def test_another_flight_s_tiles_are_not_these(pinned: Writer, flight: AnchoredFl
     assert pinned.status(f"/maps/{FLIGHT}/../../etc/0/0.png") == 404
 
 
+@pytest.mark.long
 def test_a_flight_that_has_nothing_yet_answers_empty(pinned: Writer, flight: AnchoredFlight) -> None:
     for text in (b"", b"{", b'{"islands": [{"id": 0}], "revision": 1}', b"[]"):
         (flight.root / "mosaic.json").write_bytes(text)
