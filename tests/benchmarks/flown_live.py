@@ -24,7 +24,7 @@ from tests.web.browser import CHROMIUM, open_browser
 
 BREATH_S = 0.02
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
-DONE = re.compile(r"^(\S+) INFO \S+ gcs_mosaic\.app\.live: (.+): [\d.]+ s after it came; ")
+DONE = re.compile(r"^(\S+) INFO \S+ gcs_mosaic\.app\.live\.daemon: (.+): [\d.]+ s after it came; ")
 
 
 @dataclass

@@ -39,7 +39,7 @@ CROWD = [f"127.0.1.{n}" for n in range(1, 101)]
 HALF = b"GET / HTTP/1.1\r\nHost: 1"
 LIVE = b"GET /live HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 LARGE = b"GET /viewer/vendor/leaflet/leaflet.js HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
-DONE = re.compile(r"gcs_mosaic\.app\.live: (\S+): ([\d.]+) s after it came; ")
+DONE = re.compile(r"gcs_mosaic\.app\.live\.daemon: (\S+): ([\d.]+) s after it came; ")
 
 
 @dataclass

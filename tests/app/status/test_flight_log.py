@@ -144,9 +144,11 @@ def test_all_that_is_said_at_the_end_is_in_the_log(
 ) -> None:
     assert cli.main(["stitch", str(frames), "--out", str(tmp_path / "out"), "--scale", "0.25"]) == 0
     log = log_of(tmp_path / "out")
-    assert re.search(r"gcs_mosaic\.app\.batch: 6 of 6 frames placed in \d+\.\d s, ", log)
+    assert re.search(r"gcs_mosaic\.app\.commands\.batch: 6 of 6 frames placed in \d+\.\d s, ", log)
     assert "gcs_mosaic.app.commands.batch: one island, 6 frames\n" in log
-    assert re.search(r"gcs_mosaic\.app\.batch: paint: median \d\.\d{3} s, longest \d\.\d{3} s, total \d\.\d s\n", log)
+    assert re.search(
+        r"gcs_mosaic\.app\.commands\.batch: paint: median \d\.\d{3} s, longest \d\.\d{3} s, total \d\.\d s\n", log
+    )
 
 
 def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(
