@@ -47,6 +47,7 @@ def stitched(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return stitch([frames], tmp_path_factory.mktemp("out") / "flight", Config(), QUIET)
 
 
+@pytest.mark.thorough
 def test_the_accounts_close_and_the_originals_are_kept(stitched: Path) -> None:
     with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
         account = ledger.accounts().frames

@@ -107,6 +107,7 @@ def undisturbed(flight: list[DecodedFrame], tmp_path_factory: pytest.TempPathFac
         return flown.map(), calls
 
 
+@pytest.mark.thorough
 def test_the_flight_has_islands_and_frames_that_wait(undisturbed: Undisturbed) -> None:
     (states, painted, _, files), calls = undisturbed
     assert {state for _, state, _ in states} == {FrameState.PLACED}
@@ -116,6 +117,7 @@ def test_the_flight_has_islands_and_frames_that_wait(undisturbed: Undisturbed) -
     assert {"stitch/mapping/islands.py:Bridges.join", "app/pipeline/render_stage.py:RenderStage._paint_other"} <= called
 
 
+@pytest.mark.thorough
 def test_whatever_raises_while_a_frame_is_worked_off_the_map_is_the_same(
     flight: list[DecodedFrame], undisturbed: Undisturbed, flown: Flown
 ) -> None:

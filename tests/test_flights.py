@@ -44,6 +44,7 @@ def fly(tmp_path: Path, *options: str) -> Flown:
     command += ["--port", str(free_port()), *folders, *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+    assert "against the truth" in done.stdout, done.stdout + done.stderr
     placements = json.loads(out.with_name("mosaic-placements.json").read_text())
     documents = [json.loads((out / name).read_text()) for name in ("mosaic.json", "status.json")]
     return Flown(done.stdout + done.stderr, out, score(read(truth), placements), *documents)
@@ -85,6 +86,7 @@ def test_a_level_survey_that_positions_lay_on_earth(tmp_path: Path) -> None:
     assert off_m < 2.0 < stated_m < 20.0
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_climb_to_three_times_the_height(tmp_path: Path) -> None:
     flown = fly(tmp_path, "--scenario", "climb", "--manner", "ardupilot", "--count", "20")
@@ -122,6 +124,7 @@ def test_frames_that_see_the_horizon(tmp_path: Path) -> None:
     assert max(right - left, bottom - top) < 20 * 800
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path: Path) -> None:
     faults = ("--drop", "0.1", "--duplicate", "0.1", "--reorder", "0.1")

@@ -16,6 +16,7 @@ from tests.benchmarks.lost_folders import deleted, flown
 from tests.running import flying, frames_of, until
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="a folder in use cannot be deleted")
 def test_a_flight_whose_folder_is_deleted_ends_whole(tmp_path: Path, pictures: list[bytes]) -> None:

@@ -85,6 +85,7 @@ def test_the_newest_cluster_that_is_tested_is_of_the_same_range() -> None:
     assert set(extras["cluster"]) <= set(extras["dev"])
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(900)
 def test_the_oldest_versions_do(python: str, clone: Path, tmp_path: Path) -> None:
     beside = tmp_path / "beside"  # what tests know by its folder, without the package
@@ -104,6 +105,7 @@ def test_the_oldest_versions_do(python: str, clone: Path, tmp_path: Path) -> Non
     fresh.run(python, "-P", "-m", "pytest", *apart, *TESTS, cwd=clone / "tests", minutes=10)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(900)
 def test_an_archive_becomes_a_map_with_the_oldest_cluster_in_a_folder_and_in_a_bucket(
     python: str, world_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -103,6 +103,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Fligh
     return flown
 
 
+@pytest.mark.thorough
 def test_none_is_lost(flight: Flight) -> None:
     assert sorted(flight.worked) == list(range(FRAMES))
     assert {frame.state for frame in frames_of(flight.out).values()} == {"placed"}

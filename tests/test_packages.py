@@ -71,6 +71,7 @@ def test_what_is_built_tells_its_version_and_brings_every_licence(clone: Path, t
     assert all(f"gcs_mosaic-7.8.9.dist-info/licenses/{name}" in wheel.namelist() for name in licensed)
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_tree_without_git_or_tags_is_built_all_the_same(clone: Path, tmp_path: Path) -> None:
     plain = tmp_path / "plain"

@@ -46,6 +46,7 @@ def is_gone(process: int) -> bool:
         return True
 
 
+@pytest.mark.thorough
 def test_the_map_stays_on_the_page_and_goes_on_by_itself(page: Page, tmp_path: Path, pictures: list[bytes]) -> None:
     words = ["--http", f"127.0.0.1:{free_port()}"]
     with flying(tmp_path, *words) as flight:
@@ -72,6 +73,7 @@ def test_the_map_stays_on_the_page_and_goes_on_by_itself(page: Page, tmp_path: P
         assert page.evaluate(f"{TILES} > 0 && window.sameDocument")
 
 
+@pytest.mark.thorough
 def test_the_page_is_served_until_the_final_map_is_painted(tmp_path: Path, pictures: list[bytes]) -> None:
     """Ctrl-C in a terminal is a signal to the program and to all that it has started."""
     port = free_port()
@@ -92,6 +94,7 @@ def test_the_page_is_served_until_the_final_map_is_painted(tmp_path: Path, pictu
         assert "the page's process" not in flight.said
 
 
+@pytest.mark.thorough
 def test_others_are_let_in_again_after_a_crash(tmp_path: Path) -> None:
     words, settings = ["--http", f"0.0.0.0:{free_port()}"], "finish_s: 20\nweb: {qr: always}\n"
     tokens = set()

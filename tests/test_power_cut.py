@@ -7,6 +7,7 @@ import pytest
 from tests.benchmarks.power_cuts import cannot, cuts
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.parametrize(("kind", "count"), [("ext4", 3), ("vfat", 1)])
 def test_a_power_cut_loses_nothing_that_is_older_than_a_second(kind: str, count: int) -> None:

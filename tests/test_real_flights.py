@@ -23,6 +23,7 @@ from gcs_mosaic.views.flight_view import FlightView, places_of
 from gcs_mosaic.views.sightings import sightings
 from sitl.exif import located_at, taken_at
 from tests.sure import sure
+from tests.tiers import thorough
 
 SHARED = Path(__file__).parents[2] / "shared"
 
@@ -50,7 +51,7 @@ FLIGHTS = {
 }
 
 
-@pytest.fixture(scope="module", params=FLIGHTS)
+@pytest.fixture(scope="module", params=["copr", thorough("caliterra")])
 def flown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     folder = tmp_path_factory.mktemp(request.param)
     out = stitch([SHARED / "data" / request.param], folder / "out", Config(scale=0.25), Console(quiet=True))

@@ -156,6 +156,7 @@ def test_a_stitch_that_is_killed_goes_on_with_no_frame_twice_and_none_lost(
     assert run("check", "map", "--tiles", cwd=tmp_path).returncode == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_images_that_were_given_are_gone_on_with_too(film: Path, tmp_path: Path) -> None:
     frames = [item for item in _read(reading(film)) if isinstance(item, Frame)]
@@ -180,6 +181,7 @@ def _read(one: VideoReading) -> list[object]:
     return items
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_video_in_a_watched_folder_is_mapped_and_gone_on_with(film: Path, tmp_path: Path) -> None:
     """A card is put in with a video and pictures of the same flight; the program is killed while it reads."""

@@ -90,6 +90,7 @@ def test_its_quality_is_measured_as_that_of_a_flight(frames: Path, alone: Path, 
     assert of_archive["p95"] == pytest.approx(of_flight["p95"], rel=0.2)
 
 
+@pytest.mark.thorough
 def test_two_workers_of_which_one_dies_in_each_stage_make_the_same_map(
     frames: Path, alone: Path, sabotage: Path, tmp_path: Path
 ) -> None:
@@ -99,6 +100,7 @@ def test_two_workers_of_which_one_dies_in_each_stage_make_the_same_map(
     assert tiles_of(tmp_path / "map") == tiles_of(alone)
 
 
+@pytest.mark.thorough
 def test_half_of_all_artefacts_are_made_again(frames: Path, alone: Path, tmp_path: Path) -> None:
     out = copied(alone, tmp_path)
     for stage in (out / "archive").iterdir():
@@ -114,6 +116,7 @@ def test_half_of_all_artefacts_are_made_again(frames: Path, alone: Path, tmp_pat
     assert 0 < again["features"] < FRAMES
 
 
+@pytest.mark.thorough
 def test_what_is_damaged_on_the_disk_is_made_again(frames: Path, alone: Path, tmp_path: Path) -> None:
     out = copied(alone, tmp_path)
     for path in (out / "archive").rglob("*"):
@@ -125,6 +128,7 @@ def test_what_is_damaged_on_the_disk_is_made_again(frames: Path, alone: Path, tm
     assert tiles_of(out) == tiles_of(alone)
 
 
+@pytest.mark.thorough
 def test_a_frame_that_kills_workers_is_rejected_with_that_reason(
     frames: Path, alone: Path, sabotage: Path, tmp_path: Path
 ) -> None:
@@ -192,6 +196,7 @@ def test_after_the_scheduler_was_killed_the_command_goes_on(
     assert tiles_of(out) == tiles_of(alone)
 
 
+@pytest.mark.thorough
 def test_four_bands_of_sixteen_bits_in_a_bucket_become_a_map_in_a_bucket(
     frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

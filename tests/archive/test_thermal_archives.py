@@ -31,6 +31,7 @@ def looks(painted: RenderItem) -> np.ndarray:
     return painted.display.levels(np.arange(27_600, 28_800, 20, dtype=np.uint16)[None, :, None])[0, :, 0]
 
 
+@pytest.mark.thorough
 def test_an_archive_is_shown_as_the_flight_would_be(tmp_path: Path) -> None:
     """A shutter at the start, and counts that rise by 600 halfway."""
     flown = thermal.flown(5)

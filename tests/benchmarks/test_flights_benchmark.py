@@ -184,6 +184,7 @@ def divided(by: int) -> float:
     return 6 / by
 
 
+@pytest.mark.thorough
 def test_work_that_fails_is_told_and_the_rest_goes_on() -> None:
     outcomes = dict(each(divided, [2, 0, -1, 3], jobs=2))
     assert (outcomes[2], outcomes[3]) == (3.0, 2.0)

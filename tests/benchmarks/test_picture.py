@@ -56,6 +56,7 @@ def test_no_step_of_the_exposure_is_left(found: dict[str, Quality]) -> None:
     assert np.abs(found[MODE].gains).max() < 0.1  # of steps of 0.7
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not (SHARED / "data").is_dir(), reason="the recorded flights are not beside the project")
 def test_a_real_flight_hardly_steps_at_seams_and_is_sharp() -> None:
     """The first frames of caliterra, which climbs and turns, at a quarter of the size."""

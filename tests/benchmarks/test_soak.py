@@ -13,6 +13,7 @@ from tests.benchmarks.soak import soaked
 MINUTES = 1.0  # or until everything has happened once
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(sys.platform != "linux", reason="signals, /proc and mounts of Linux")

@@ -11,6 +11,7 @@ from tests.running import six_pictures
 pytestmark = pytest.mark.long
 
 
+@pytest.mark.thorough
 def test_a_program_that_stood_still_dates_triggers_by_their_arrival(tmp_path: Path, world_cache: Path) -> None:
     assert over_udp(tmp_path, six_pictures(world_cache), stopped_s=4.0, shots=9) >= 8
 

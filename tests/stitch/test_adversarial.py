@@ -17,6 +17,7 @@ def test_ground_that_repeats_itself_misplaces_nothing(ground: str) -> None:
     assert len(mosaic.placements()) >= 10
 
 
+@pytest.mark.thorough
 def test_halls_of_one_make_join_no_two_places() -> None:
     taken = in_turn(*(shots("halls", seed, frames=7) for seed in (1, 2)))
     mosaic = stitched(taken)

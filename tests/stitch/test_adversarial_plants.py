@@ -34,6 +34,7 @@ def test_orchards_of_one_grid_stay_apart_and_are_placed() -> None:
     assert assert_nothing_is_mixed_up(stitched(taken), taken, within=0.03).islands == (6, 6)
 
 
+@pytest.mark.thorough
 def test_two_woods_stay_apart() -> None:
     taken = in_turn(*(shots("canopy", seed, frames=5, height=60, relief=1, forward=0.85) for seed in (1, 2)))
     assert assert_nothing_is_mixed_up(stitched(taken), taken, within=0.03).islands == (5, 5)

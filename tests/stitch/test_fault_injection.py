@@ -102,6 +102,7 @@ def undisturbed(flight: Flight) -> list[Step]:
     return steps
 
 
+@pytest.mark.thorough
 def test_the_flight_has_all_that_can_happen_to_a_frame(undisturbed: list[Step]) -> None:
     """Frames placed and waiting, those that find their place by another's, islands founded and joined, tasks handed over."""
     kinds = [type(step.outcome).__name__ for step in undisturbed]
@@ -115,6 +116,7 @@ def test_the_flight_has_all_that_can_happen_to_a_frame(undisturbed: list[Step]) 
     } <= called
 
 
+@pytest.mark.thorough
 def test_whatever_raises_while_a_frame_is_placed_nothing_has_changed(flight: Flight, undisturbed: list[Step]) -> None:
     """Each frame comes again and again, and every time something raises; then it comes once more."""
     rng, mosaic = random.Random(1), new_mosaic()
@@ -129,6 +131,7 @@ def test_whatever_raises_while_a_frame_is_placed_nothing_has_changed(flight: Fli
         assert digest(mosaic) == step.adjusted
 
 
+@pytest.mark.thorough
 def test_whatever_raises_while_islands_are_adjusted_each_is_adjusted_or_as_it_was(
     flight: Flight, undisturbed: list[Step]
 ) -> None:

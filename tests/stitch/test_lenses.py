@@ -89,6 +89,7 @@ def mosaic(stitched: Mosaic) -> Iterator[Mosaic]:
         yield stitched
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bent", [False, True], ids=["two frames of other ground", "rubbish"])
 def test_a_small_island_moves_nothing_of_a_good_one(mosaic: Mosaic, bent: bool) -> None:
     before = corners(mosaic, "good")

@@ -58,6 +58,7 @@ def test_a_climb_is_not_a_drift(ground: Image) -> None:
     assert map_error(mosaic.placements(), truth) < 2.5
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_frames_apart_form_an_island_that_joins_when_the_gap_is_flown(ground: Image) -> None:
     first, far, bridge = line(300, 600, 4), line(1300, 600, 4), line(820, 600, 4)
@@ -211,6 +212,7 @@ def test_islands_that_were_never_compared_are_joined_in_a_pause(ground: Image, m
     assert not mosaic.connect_some()
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(
     ground: Image, monkeypatch: pytest.MonkeyPatch
@@ -241,6 +243,7 @@ def test_what_could_not_be_connected_is_looked_at_again_once_it_lies_elsewhere(
     assert mosaic.frame_counts() == {0: len(truth)}
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_two_frames_that_raise_keep_no_others_from_being_compared(
     ground: Image, monkeypatch: pytest.MonkeyPatch

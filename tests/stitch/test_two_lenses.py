@@ -48,6 +48,7 @@ def focals_found(tmp_path: Path, cache: Path) -> tuple[int, list[float]]:
     return len(mosaic.frame_counts()), [float(np.median(focals)) for focals in of_each]
 
 
+@pytest.mark.thorough
 def test_each_aircraft_has_its_lens(tmp_path: Path, world_cache: Path) -> None:
     islands, found = focals_found(tmp_path, world_cache)
     assert islands == 1

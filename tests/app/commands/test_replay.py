@@ -80,6 +80,7 @@ def test_the_flight_comes_out_as_it_was(flown: Running, again: Path) -> None:
     assert sorted(frame.state for frame in frames_of(again).values()) == ["damaged", "duplicate", *["placed"] * 6]
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.parametrize("words", [(), ("--speed", "8")], ids=["as fast as it goes", "eight times as fast"])
 def test_the_result_is_the_same_every_time(flown: Running, again: Path, tmp_path: Path, words: tuple[str, ...]) -> None:

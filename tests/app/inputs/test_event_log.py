@@ -131,6 +131,7 @@ def test_the_accounts_close_whatever_comes_in_whatever_order(flight: list[Any]) 
     close_on_paper(flight)
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_the_accounts_close_over_two_thousand_flights() -> None:
     """Longer ones, and more of them, than there is time to look for the shortest of; the seed is in the message."""

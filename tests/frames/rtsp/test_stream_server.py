@@ -146,6 +146,7 @@ def test_a_blurred_picture_gives_way_to_a_sharp_neighbour() -> None:
         assert max(map(abs, flight.errors().values())) <= 0.15 + 0.05
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_the_right_picture_is_taken_for_300_triggers(long_flight: Future[Flown]) -> None:
     """Within one picture at ten a second, or the nearest that there is where a busy machine has held the camera up."""

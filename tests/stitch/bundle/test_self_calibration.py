@@ -123,6 +123,7 @@ def _lenses() -> list[ParameterSet]:
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.parametrize(("kind", "focal", "tilt"), _lenses())
 def test_every_lens(kind: str, focal: float, tilt: float) -> None:
