@@ -12,7 +12,7 @@ from gcs_mosaic.stitch.arrays import Matrix3x3, PointsNx2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration import by_pixels
 from gcs_mosaic.stitch.registration.agreement import Agreement, PixelPair
-from gcs_mosaic.stitch.registration.by_pixels import proved_by_pixels, should_have_matched, with_patches
+from gcs_mosaic.stitch.registration.by_pixels import looked_at, proved_by_pixels, should_have_matched, with_patches
 from gcs_mosaic.stitch.registration.frame_pair import ALL, FramePair, frame_pair
 from gcs_mosaic.stitch.registration.outcome import NO_MATCHES, Registration
 from gcs_mosaic.stitch.registration.patches import Patches
@@ -232,3 +232,44 @@ def test_patches_join_a_registration_within_its_tolerance(
     found = with_patches(registration(5), Pictures().pair, *frames, SETTINGS, always=always)
     assert found.pixels_b[4:].tolist() == off[:2].tolist()
     assert len(found.displaced_a) == displaced
+
+
+def looked(seen: Agreement | None, *, beyond: float = 5.0, detail: float = 0.0) -> Registration | None:
+    pictures = Pictures({0.0: seen} if seen else {}, beyond, detail)
+    return looked_at(registration(12), pair_of(DETAILED, DETAILED), pictures.pair, DETAILED, DETAILED, SETTINGS)
+
+
+@pytest.mark.usefixtures("ground")
+def test_an_overlap_that_keypoints_leave_in_doubt_is_borne_out_by_the_pictures() -> None:
+    found = looked(agreement(np.eye(3), alone=1.0), beyond=2.0)
+    assert found is not None
+    assert (found.beyond, len(found.pixels_a)) == (2.0, 4 + len(GRID))
+
+
+@pytest.mark.usefixtures("ground")
+@pytest.mark.parametrize(
+    ("seen", "beyond", "detail"),
+    [
+        (None, 5.0, 0.0),
+        (agreement(np.eye(3), alone=0.9), 5.0, 0.0),
+        (agreement(np.eye(3)), 1.9, 0.0),
+        (agreement(np.eye(3)), 5.0, 0.2),
+        (agreement(moved(61)), 5.0, 0.0),
+    ],
+    ids=["not alike", "another shift is as good", "the rest does not agree", "keypoints should", "another place"],
+)
+def test_pictures_do_not_bear_it_out_if(seen: Agreement | None, beyond: float, detail: float) -> None:
+    assert looked(seen, beyond=beyond, detail=detail) is None
+
+
+@pytest.mark.usefixtures("ground")
+@pytest.mark.parametrize(("apart", "same"), [(59.0, True), (61.0, False)])
+def test_crowns_lie_as_far_from_the_ground_as_is_allowed(apart: float, same: bool) -> None:
+    """In the middle of the frame, an eighth of the diagonal of 500 px."""
+    assert (looked(agreement(moved(apart))) is not None) is same
+
+
+def test_without_a_registration_nothing_is_looked_at() -> None:
+    pictures = Pictures({0.0: agreement(np.eye(3))})
+    assert looked_at(None, pair_of(DETAILED, DETAILED), pictures.pair, DETAILED, DETAILED, SETTINGS) is None
+    assert pictures.asked == []
