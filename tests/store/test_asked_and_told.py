@@ -111,7 +111,7 @@ def status(folder: Path, state: str, *links: dict[str, Any], updated: str = "202
 
 
 NOW = 1714564800.0  # 2024-05-01T12:00:00Z
-LINKS = [
+LINKS: list[dict[str, Any]] = [
     {"followed": 1, "aircraft": [heard(1, "ArduPilot", "2024-05-01T11:59:50.000Z"), heard(9, "", None)]},
     {"followed": None, "aircraft": [heard(1, "older", "2024-05-01T11:00:00.000Z"), heard(7, "PX4", "2024-05-01T12:00:05.000Z")]},
 ]  # fmt: skip

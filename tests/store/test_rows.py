@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.messages import Position, Source
+from gcs_mosaic.render.display import PLAIN
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL
 from gcs_mosaic.render.vignetting import FLAT
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
@@ -151,7 +152,8 @@ def test_an_overlay_has_a_bit_for_each_block(data: bytes, is_one: bool) -> None:
     stored = row(overlay=zlib.compress(data))
     if is_one:
         found = rows.overlay_of(stored)
-        assert found == StillMask(*struct.unpack_from("<HH", data), data[4:])
+        lines, columns = struct.unpack_from("<HH", data)
+        assert found == StillMask(lines, columns, data[4:])
         return
     with pytest.raises(ValueError, match="not an overlay"):
         rows.overlay_of(stored)
@@ -182,7 +184,8 @@ def test_dead_borders_and_homographies_of_every_version() -> None:
     assert rows.dead_border_of(row(dead_border=None)) == rows.dead_border_of(row(x=1)) == NO_BORDER
     nine = ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
     assert rows.homography_of(row(homography=rows.homography_row(nine))) == nine
-    assert rows.homography_of(row(homography=None)) is rows.homography_of(row(x=1)) is rows.homography_row(None) is None
+    assert rows.homography_of(row(homography=None)) is rows.homography_of(row(x=1)) is None
+    assert rows.homography_row(None) is None
 
 
 def test_a_flight_has_a_name_and_a_beginning() -> None:
@@ -236,4 +239,4 @@ def test_a_display_of_every_version(stored: dict[str, Any], light: tuple[Any, ..
     found = rows.display_of(row(display=json.dumps(common | stored)))
     assert (found.shown, found.black, found.white) == ((2, 1, 0), (0.0,), (255.0,))
     assert (found.factor, found.gamma, found.knots, found.scale, found.offset) == light
-    assert rows.display_of(row(x=1)) == rows.PLAIN
+    assert rows.display_of(row(x=1)) == PLAIN

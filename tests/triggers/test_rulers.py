@@ -215,13 +215,13 @@ def test_the_surest_ruler_tells_where_files_are_expected() -> None:
 def best_of_all(scores: np.ndarray) -> float:
     """By looking at every set of pairs in order. Where both rows have lost some at one end, the fewer are none at the end."""
     shots, files = scores.shape
-    best = LOST_AT_END * (shots + files)
+    best: float = LOST_AT_END * (shots + files)
     for count in range(1, min(shots, files) + 1):
         for some in itertools.combinations(range(shots), count):
             for other in itertools.combinations(range(files), count):
                 ends = max(some[0], other[0]) + max(shots - 1 - some[-1], files - 1 - other[-1])
                 lost = shots + files - 2 * count
-                total = sum(scores[pair] for pair in zip(some, other, strict=True))
+                total = sum(float(scores[pair]) for pair in zip(some, other, strict=True))
                 best = max(best, total + LOST_AT_END * ends + LOST * (lost - ends))
     return best
 

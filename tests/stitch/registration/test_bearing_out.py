@@ -36,7 +36,7 @@ def pair(again_a: np.ndarray = NONE, again_b: np.ndarray = NONE) -> FramePair:
 def near(x: float, share: float = 1.0) -> np.ndarray:
     """Points up to this x, a share of them."""
     chosen = POINTS[POINTS[:, 0] < x]
-    return chosen[: round(share * len(chosen))]
+    return np.asarray(chosen[: round(share * len(chosen))])
 
 
 @pytest.mark.parametrize(("x", "told"), [(400, ""), (200, ""), (120, ""), (40, "of the overlap agrees")])

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch.arrays import FloatImage, Matrix3x3, PointsNx2
+from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, Matrix3x3, PointsNx2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration import agreement as module
 from gcs_mosaic.stitch.registration.agreement import LEAST_OVERLAP, LEAST_TOGETHER, MOST, Agreement, PixelPair
@@ -26,7 +26,7 @@ GROUND = ground()
 NONE = np.empty((0, 2))
 
 
-def frame(picture: FloatImage) -> Features:
+def frame(picture: AnyArray) -> Features:
     texture = np.clip(np.rint(picture), -127, 127).astype(np.int8)
     height, width = picture.shape
     return Features(NONE.astype(np.float32), np.empty((0, 128), np.uint8), width, height, 1.0, kept_texture=texture)
@@ -179,8 +179,10 @@ def test_a_correlation_is_that_of_what_both_show(kept: int, counted: int) -> Non
     mask.ravel()[:kept] = 1
     spoilt = np.where(mask > 0, one, 99.0).astype(np.float32)
     sign = 1.0 if counted else 0.0
-    assert module._correlation(one, 3 * spoilt + 7, mask) == (pytest.approx(sign, abs=1e-5), counted)
-    assert module._correlation(one, -spoilt, mask) == (pytest.approx(-sign, abs=1e-5), counted)
+    for other, expected in ((3 * spoilt + 7, sign), (-spoilt, -sign)):
+        correlation, pixels = module._correlation(one, other, mask)
+        assert correlation == pytest.approx(expected, abs=1e-5)
+        assert pixels == counted
     assert module._correlation(one * 0, spoilt, mask)[0] == 0.0
 
 
