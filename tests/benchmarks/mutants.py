@@ -4,10 +4,10 @@
 
 Each mutant is one change of a file (a comparison, a boundary, and/or, not, + - * /, a number by one, True/False, a result left
 out, a call left out), tried in a copy of the project by the quick tests of its room, and those near by that import its module.
-One run without a fault tells which tests execute which lines: a mutant is tried by those that execute its own, the quickest first,
-and by those of the module if none does, as where another process does it. Mutants that change nothing anybody could see are
-listed in mutants_equivalent.txt, with the reason, and left out. The copies, and whatever the tests write, lie in one folder for
-temporary files, which is gone in the end.
+One run without a fault tells which tests execute which lines: a mutant is tried by those that execute its own, the quickest
+first, and by those of the module if none does, as where another process does it. Mutants that change nothing anybody could see
+are listed in mutants_equivalent.txt, with the reason, and left out. The copies, and whatever the tests write, lie in one folder
+for temporary files, which is gone in the end.
 """
 
 from __future__ import annotations
