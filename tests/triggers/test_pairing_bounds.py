@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gcs_mosaic.messages import CaptureResult, Source, Teller
-from gcs_mosaic.triggers import How, Matched, Missing, Orphan, PairingSettings
+from gcs_mosaic.triggers import How, Matched, Missing, Orphan, PairingSettings, stretch
 from gcs_mosaic.triggers.candidates import FrameSearch, keys_of
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.credibility import Credibility
@@ -342,3 +342,19 @@ def test_a_whole_picture_is_told_with_what_its_preview_was_matched_by() -> None:
     assert (told.how, told.frame.received) == (How.NAME, 1.0)
     (alone,) = flight.pairing.whole_of("z.jpg", file(41.0, "z.jpg#2"))
     assert alone == Orphan(replace(file(41.0, "z.jpg#2"), received=40.0))
+
+
+def row(*told: tuple[str, float, float | None]) -> list[PendingFrame]:
+    return [picture(name, at, captured=captured) for name, at, captured in told]
+
+
+def test_the_cameras_clock_orders_files_or_else_arrival_and_numbers() -> None:
+    dated = row(("a1.jpg", 3.0, 20.0), ("a2.jpg", 1.0, 30.0), ("a3.jpg", 2.0, 10.0))
+    (only,) = stretch._orders(dated)
+    assert [held.frame.name for held in only] == ["a3.jpg", "a1.jpg", "a2.jpg"]
+    undated = [*dated[:2], *row(("a3.jpg", 2.0, None))]
+    assert [[held.frame.name for held in one] for one in stretch._orders(undated)] == [
+        ["a2.jpg", "a3.jpg", "a1.jpg"],
+        ["a1.jpg", "a2.jpg", "a3.jpg"],
+    ]
+    assert len(stretch._orders(row(("a1.jpg", 1.0, None), ("a2.jpg", 2.0, None)))) == 1
