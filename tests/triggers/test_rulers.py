@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from gcs_mosaic.triggers import alignment
 from gcs_mosaic.triggers import rulers as module
 from gcs_mosaic.triggers.needleman_wunsch import LOST, LOST_AT_END, Band, needleman_wunsch, whole
 from gcs_mosaic.triggers.rulers import AGREES, ARRIVAL, CLOCK, NUMBERS, FileClue, Rulers, ShotClue, Zeros
@@ -256,3 +257,60 @@ def test_of_long_rows_only_so_many_differences_are_compared(monkeypatch: pytest.
     monkeypatch.setattr(module, "_peaks", lambda apart, within: compared.append(apart.shape) or [])
     [*rulers([float(k) for k in range(40)], captured=[float(k) for k in range(30)]).likeliest_by_differences()]
     assert compared == [(20, 30)] * 2
+
+
+def places(*files: int) -> np.ndarray:
+    return np.array(files)
+
+
+@pytest.mark.parametrize(
+    ("best", "other", "files", "pairs"),
+    [
+        (places(0, 1, 2, 3), places(0, 1, -1, -1), 4, 0.0),  # nothing is lost: no luck
+        (places(0, 1, 2, -1), places(0, 1, -1, -1), 4, 1.0),
+        (places(0, 1, 2, -1), places(0, -1, -1, -1), 4, 2.0),
+        (places(0, 1, 2, -1), places(-1, -1, -1, -1), 4, 2 * math.sqrt(2)),
+        (places(0, 1, -1, -1), places(1, 2, -1, -1), 4, 0.0),
+        (places(0, -1, -1, -1), places(1, 2, 3, -1), 4, 0.0),
+    ],
+)
+def test_only_so_many_of_the_pairs_that_are_more_are_luck(
+    best: np.ndarray, other: np.ndarray, files: int, pairs: float
+) -> None:
+    """Twice the root of what is lost."""
+    assert alignment._lucky(best, other, files) == pytest.approx((2 * -LOST + AGREES + 3.2) * pairs)
+
+
+@pytest.mark.parametrize(
+    ("shots", "files", "shifts"),
+    [(3, 3, [0, -1, 1]), (2, 2, [0]), (1, 4, [0, -1, -2, -3]), (4, 1, [0, 1, 2, 3]), (3, 4, [0, -1, 1, -2])],
+)
+def test_rows_are_shifted_by_what_they_differ_and_a_little_more(shots: int, files: int, shifts: list[int]) -> None:
+    assert alignment._shifts(shots, files) == shifts
+    assert len(alignment._shifts(40, 40)) == 13
+
+
+def test_a_shift_of_a_row() -> None:
+    assert alignment._shifted(1, 4, 3).tolist() == [-1, 0, 1, 2]
+    assert alignment._shifted(-1, 4, 3).tolist() == [1, 2, -1, -1]
+    assert alignment._file_of([(0, 2), (3, 0)], 4).tolist() == [2, -1, -1, 0]
+
+
+def explained(*files: int) -> alignment._Explained:
+    return alignment._Explained(0.0, places(*files), ())
+
+
+@pytest.mark.parametrize(
+    ("best", "other", "apart", "shift"),
+    [
+        (explained(0, 1, 2), explained(0, 1, 2), 0, 0),
+        (explained(0, 1, 2, -1), explained(-1, 0, 1, 2), 2, 1),
+        (explained(-1, 0, 1, 2), explained(0, 1, 2, -1), 2, -1),
+        (explained(0, 1, 2, 3, -1), explained(0, -1, 1, 2, 3), 2, 1),
+        (explained(-1, -1), explained(0, 1), 0, 0),
+    ],
+)
+def test_how_far_two_explanations_are_apart(
+    best: alignment._Explained, other: alignment._Explained, apart: int, shift: int
+) -> None:
+    assert (alignment._apart(best, other), alignment._shift(best, other)) == (apart, shift)

@@ -341,3 +341,12 @@ def test_what_is_in_doubt_is_said(doubts: Doubts, told: str) -> None:
     assert told in doubts.text()
     assert doubts
     assert not NONE
+
+
+@pytest.mark.parametrize(("ahead", "jumped"), [(5.0, False), (5.5, True)])
+def test_a_clock_that_is_further_ahead_than_any_delay_has_jumped(ahead: float, jumped: bool) -> None:
+    clock = OffsetClock()
+    clock.moment(0.0, 100.0)
+    clock.moment(ahead, 100.0)
+    assert [*clock.paces[0]._jumps] == [False, jumped]
+    assert clock.offset == 100.0 - ahead
