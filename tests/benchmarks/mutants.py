@@ -41,7 +41,7 @@ LOADED = ("pytest", "coverage", "numpy", "cv2", "scipy.spatial", "sqlite3")  # o
 NEVER = "gcs_mosaic/processes"  # it signals processes, and a mutant of it others
 REACH = "reach.json"  # in a copy: what its tests execute
 MOST_BYTES = 6 << 30  # of address space of each process
-LEAST_S, PATIENCE = 20.0, 4.0  # of time; and as a multiple of what the tests take without a fault
+LEAST_S, PATIENCE = 20.0, 4.0  # of time for a test, and for all; and as a multiple of what they take without a fault
 
 
 @dataclass(slots=True)
@@ -148,8 +148,10 @@ def begun(mutant: Mutant, copy: Path, reach: Reach, number: int) -> Trial:
     os.utime(path, (later, later))
     tests = reach.tests(mutant.path, mutant.lines)
     limit_s = max(LEAST_S, PATIENCE * (reach.seconds_of(tests) if tests else sum(reach.seconds.values())))
+    longest_s = PATIENCE * max((reach.seconds[test] for test in tests or reach.seconds), default=0.0)
     now = time.monotonic()
-    return Trial(mutant, forked(tests or named_tests(mutant.path), copy), copy, now, now + limit_s)
+    pid = forked(tests or named_tests(mutant.path), copy, most_s=max(LEAST_S, longest_s))
+    return Trial(mutant, pid, copy, now, now + limit_s)
 
 
 def reach_of(paths: set[Path], copy: Path) -> Reach:
@@ -189,15 +191,16 @@ def stop(pid: int) -> None:
         return
 
 
-def forked(tests: list[str], copy: Path, watched: list[Path] | None = None) -> int:
-    """A process that runs tests in a copy and ends with 0 if all pass; what they execute of `watched` files is written there."""
+def forked(tests: list[str], copy: Path, watched: list[Path] | None = None, most_s: float = 0.0) -> int:
+    """A process that runs tests in a copy and ends with 0 if all pass, each in `most_s`; what they execute of `watched` files is
+    written there."""
     pid = os.fork()
     if pid == 0:
-        run_tests(tests, copy, watched or [])
+        run_tests(tests, copy, watched or [], most_s)
     return pid
 
 
-def run_tests(tests: list[str], copy: Path, watched: list[Path]) -> NoReturn:
+def run_tests(tests: list[str], copy: Path, watched: list[Path], most_s: float) -> NoReturn:
     status = 1
     try:
         os.setsid()
@@ -222,6 +225,7 @@ def run_tests(tests: list[str], copy: Path, watched: list[Path]) -> NoReturn:
             if watched:
                 watch.begin()
             options = ["-x", "-q", "-n0", "-p", "no:cacheprovider", f"--rootdir={copy}"]
+            options += [f"--timeout={most_s:.0f}"] if most_s else []
             status = pytest.main([*options, *tests], plugins=[watch] if watched else [])
             if watched:
                 (copy / REACH).write_text(watch.reach().kept(), encoding="utf-8")
