@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.stitch.arrays import FloatImage, Matrix3x3
+from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, Matrix3x3
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration import patches as module
 from gcs_mosaic.stitch.registration.patches import ENOUGH, Patches, PatchSize, patches
@@ -14,7 +14,7 @@ from gcs_mosaic.stitch.registration.patches import ENOUGH, Patches, PatchSize, p
 WIDTH, HEIGHT = 200, 150
 
 
-def frame(picture: FloatImage) -> Features:
+def frame(picture: AnyArray) -> Features:
     texture = np.clip(np.rint(picture), -127, 127).astype(np.int8)
     height, width = picture.shape
     none = np.empty((0, 2), np.float32), np.empty((0, 128), np.uint8)
@@ -107,3 +107,11 @@ def test_the_smallest_patches_that_are_enough_are_taken_else_the_most(
 )
 def test_the_top_of_a_parabola(values: tuple[float, ...], top: float) -> None:
     assert module._vertex(np.array(values)) == pytest.approx(top)
+
+
+@pytest.mark.parametrize("is_coarse", [False, True])
+def test_pixel_noise_is_blurred_alike_in_both_directions(is_coarse: bool) -> None:
+    noise = np.random.default_rng(0).normal(0, 30, (120, 160))
+    along, across = (module._picture(frame(one), is_coarse) for one in (noise, noise.T))
+    assert np.allclose(along, across.T, atol=1e-3)
+    assert along.std() < 12

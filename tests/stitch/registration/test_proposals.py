@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.stitch.arrays import Matrix3x3
+from gcs_mosaic.stitch.registration.a_contrario import log_evidence
 from gcs_mosaic.stitch.registration.frame_pair import FramePair, independent_count
 from gcs_mosaic.stitch.registration.homography import area_scale, inside, mapped, robust_homography
 from gcs_mosaic.stitch.registration.parallax import LARGEST, displaced_by_height
@@ -182,3 +183,12 @@ def test_two_displaced_matches_meet_in_one_point_always(count: int) -> None:
 def test_matches_that_have_not_moved_determine_no_point() -> None:
     places, _ = heights(12, 30.0)
     assert not displaced_by_height(places, places, np.zeros(12, bool), DIAGONAL).any()
+
+
+def test_a_similarity_is_as_likely_by_chance_as_to_meet_within_eight_pixels() -> None:
+    """Twice the tolerance of a homography."""
+    grid = np.stack(np.meshgrid(np.arange(20.0, 380, 40), np.arange(20.0, 280, 40)), -1).reshape(-1, 2)
+    (found,) = similarities(pair(grid, grid * 0.5 + [60, 40]), SETTINGS)
+    close = grid * 0.5  # 20 px apart there, so that none but the own one is within eight
+    assert len(close) == 63
+    assert found.evidence == pytest.approx(log_evidence(63, 63, math.pi * 8**2 / (400 * 300), 2))
