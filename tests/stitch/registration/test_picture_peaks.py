@@ -207,3 +207,14 @@ def by_fisher(highest: float, second: float, independent: float) -> float:
 )
 def test_the_odds_of_a_peak_are_those_of_two_correlations(found: module._Peak, expected: float) -> None:
     assert module._log_odds_of_peak(found, 30.0) == pytest.approx(expected)
+
+
+def test_refinement_goes_on_until_the_corners_lie_right() -> None:
+    """A proposal that is three per cent too large lays them four pixels off."""
+    a, b = cut(0, 0), cut(40, 20)
+    middle = moved(80, 70) @ np.diag([1.03, 1.03, 1.0]) @ moved(-80, -70)
+    found = laid(a, b, middle @ moved(-40, -20))
+    assert found is not None
+    corners = np.array([[50.0, 30], [230, 30], [50, 170], [230, 170]])
+    there = cv2.perspectiveTransform(corners[None], found.b_from_a)[0]
+    assert np.abs(there - corners + [40, 20]).max() < 0.5
