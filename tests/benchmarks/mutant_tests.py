@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,12 +22,14 @@ class Reach:
     lines: dict[str, dict[int, list[str]]] = field(default_factory=dict)
     in_setup: dict[str, dict[int, list[str]]] = field(default_factory=dict)
 
-    def tests(self, path: Path, lines: range) -> list[str]:
-        """The tests that execute any of these lines, the quickest first. Where a module is loaded it is all that use it."""
+    def tests(self, path: Path, lines: range, importing: Collection[str] = ()) -> list[str]:
+        """The tests that execute any of these lines, the quickest first. What is executed where the module is loaded concerns all
+        that use it, and those of the files that are `importing` it."""
         of_file = self.lines.get(str(path), {})
         found = {test for line in lines for test in of_file.get(line, ())}
         if IMPORTING in found:
             found = {test for tests in of_file.values() for test in tests}
+            found |= {test for test in self.seconds if test.partition("::")[0] in importing}
         once = {test.partition("::")[0] for line in lines for test in self.in_setup.get(str(path), {}).get(line, ())}
         found |= {test for test in self.seconds if test.partition("::")[0] in once}
         return sorted(found - {IMPORTING}, key=lambda test: (self.seconds.get(test, 0.0), test))

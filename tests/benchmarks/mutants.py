@@ -146,7 +146,9 @@ def begun(mutant: Mutant, copy: Path, reach: Reach, number: int) -> Trial:
     path.write_text(mutant.text(), encoding="utf-8")
     later = time.time() + 2 * number  # bytecode of the mutant before is told from this one's by whole seconds
     os.utime(path, (later, later))
-    tests = reach.tests(mutant.path, mutant.lines)
+    module = ".".join(mutant.path.with_suffix("").parts)
+    importing = [test for test in named_tests(mutant.path) if imports(ROOT / test, module)]
+    tests = reach.tests(mutant.path, mutant.lines, importing)
     limit_s = max(LEAST_S, PATIENCE * (reach.seconds_of(tests) if tests else sum(reach.seconds.values())))
     longest_s = PATIENCE * max((reach.seconds[test] for test in tests or reach.seconds), default=0.0)
     now = time.monotonic()

@@ -84,4 +84,5 @@ def test_the_tests_of_a_fault_are_those_that_execute_it() -> None:
     assert reach.tests(path, range(3, 4)) == ["a::quick", "a::slow"]
     assert reach.tests(path, range(5, 6)) == ["b::second", "b::first"]
     assert reach.tests(path, range(1, 2)) == ["b::first", "a::quick", "a::slow"]
+    assert reach.tests(path, range(1, 2), ["c"]) == ["c::other", "b::first", "a::quick", "a::slow"]
     assert reach.tests(path, range(7, 10)) == reach.tests(Path("n.py"), range(1, 2)) == []
