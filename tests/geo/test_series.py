@@ -198,3 +198,13 @@ def test_bands_are_told_apart_where_they_touch() -> None:
         assert read_coordinate(f"32{band} 500000 {northing}").latitude_deg == pytest.approx(northing / 111_000, abs=0.3)
     with pytest.raises(UsageError):
         read_coordinate("32V 500000 4430000")
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [("32TNM0123449776", "32TNM 01234 49776"), ("32TNM1249", "32TNM 12 49"), ("32 T NM 1249", "32TNM 12 49")],
+)
+def test_the_digits_of_a_square_need_no_space(text: str, same: str) -> None:
+    assert read_coordinate(text) == read_coordinate(same)
+    with pytest.raises(UsageError):
+        read_coordinate(f"{text}0")
