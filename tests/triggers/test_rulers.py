@@ -254,7 +254,12 @@ def test_a_band_finds_what_all_pairs_do(lost: list[int]) -> None:
 def test_of_long_rows_only_so_many_differences_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     compared: list[tuple[int, ...]] = []
     monkeypatch.setattr(module, "_COMPARED", 600)
-    monkeypatch.setattr(module, "_peaks", lambda apart, within: compared.append(apart.shape) or [])
+
+    def peaks(apart: np.ndarray, within: float) -> list[float]:
+        compared.append(apart.shape)
+        return []
+
+    monkeypatch.setattr(module, "_peaks", peaks)
     [*rulers([float(k) for k in range(40)], captured=[float(k) for k in range(30)]).likeliest_by_differences()]
     assert compared == [(20, 30)] * 2
 
