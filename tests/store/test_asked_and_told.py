@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
+import sys
 import threading
+import time
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +19,12 @@ import pytest
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.graph.tearing import HeldOut
-from gcs_mosaic.store import aircraft, requests
+from gcs_mosaic.store import aircraft, durability, requests
 from gcs_mosaic.store.aircraft import aircraft_lines, follow, heard_aircraft, running_flight
-from gcs_mosaic.store.checkpoint import decoded, encoded
+from gcs_mosaic.store.array_shelf import ArrayShelf
+from gcs_mosaic.store.checkpoint import Checkpoints, Unusable, decoded, encoded
 from gcs_mosaic.store.documents import finite, iso_utc
+from gcs_mosaic.store.foreign_file import refuse_strange_files
 from gcs_mosaic.store.held_out import held_out_lines, largest
 from gcs_mosaic.store.journal import told_after
 from gcs_mosaic.store.pickle_bounds import Budget, Unbounded
@@ -85,7 +92,9 @@ def test_a_request_is_answered_by_its_id(
     monkeypatch.setattr(requests, "_POLL_S", 0.01)
     flight = threading.Thread(target=answered, args=(tmp_path, told))
     flight.start()
-    found = ask_to_follow(tmp_path, 7, 0.2)
+    began = time.monotonic()
+    found = ask_to_follow(tmp_path, 7, 0.2 if result is None else 30.0)
+    assert time.monotonic() - began < 15  # it is not waited for longer than until it comes
     flight.join(5)
     assert (None if found is None else (found.taken, found.text)) == result
     clear_requests(tmp_path)
@@ -317,3 +326,107 @@ def test_a_budget_is_spent_to_its_end() -> None:
     budget.spend((64 << 20) + 32)
     with pytest.raises(Unbounded):
         budget.spend(1)
+
+
+def test_an_answer_in_the_last_moment_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(requests.secrets, "token_hex", lambda size: "abcd")
+    answer(tmp_path, Answer(id="abcd", taken=True, text="followed"))
+    assert ask_to_follow(tmp_path, 7, 0.0) == Answer(id="abcd", taken=True, text="followed")
+
+
+def nested(deep: int) -> tuple[Any, ...]:
+    found: tuple[Any, ...] = ()
+    for _ in range(deep - 1):
+        found = (found,)
+    return found
+
+
+def test_values_are_a_hundred_deep_and_no_deeper() -> None:
+    assert decoded(encoded(nested(100))) == nested(100)
+    with pytest.raises(Unbounded, match="too deep"):
+        decoded(encoded(nested(101)))
+
+
+def test_a_sync_that_fails_is_said_once_until_one_succeeds(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    outcomes, done = [False, False, True, False, False], threading.Event()
+    calls: list[bool] = []
+
+    def sync() -> None:
+        calls.append(outcomes[min(len(calls), 4)])
+        if len(calls) == 5:
+            done.set()
+        if not calls[-1]:
+            raise OSError("no disk")
+
+    monkeypatch.setattr(durability, "EACH_S", 0.001)
+    synced = durability.Durability(sync)
+    assert done.wait(10)
+    synced.close()
+    assert len([one for one in caplog.records if "cannot be brought to the disk" in one.message]) == 2
+
+
+def test_features_that_are_lost_are_said_to_be_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    shelf = ArrayShelf(0, tmp_path)
+    for _ in range(2):
+        shelf.note_lost(OSError("gone"))
+    assert shelf.problem == "the scratch file of the features cannot be read: gone"
+    assert [one.message for one in caplog.records] == ["features cannot be read back"]
+    shelf.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda data: b"something else", "is none of ours"),
+        (lambda data: data[:40], "is none of ours"),
+        (lambda data: data[:22] + b"\x09" + data[23:], "was written by another version of the program"),
+        (lambda data: data[:30] + bytes([data[30] ^ 1]) + data[31:], "was written by another version of the program"),
+        (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "is damaged"),
+    ],
+)
+def test_a_checkpoint_that_is_none_asks_to_stitch_again(
+    tmp_path: Path, change: Callable[[bytes], bytes], reason: str
+) -> None:
+    """Where there is none at all, the ledger tells what became of its flight."""
+    with closing(Checkpoints(tmp_path)) as none:
+        assert none.load() == Unusable("it has no checkpoint", stitch_again=False)
+        none.write(lambda: (1, 2, 3), lambda: None, at_once=True)
+    with closing(Checkpoints(tmp_path)) as whole:
+        assert whole.load() == (1, 2, 3)
+    path = tmp_path / "checkpoint"
+    path.write_bytes(change(path.read_bytes()))
+    with closing(Checkpoints(tmp_path)) as broken:
+        assert broken.load() == Unusable(f"its checkpoint {reason}", stitch_again=True)
+
+
+def test_a_checkpoint_is_written_when_it_is_due_or_at_once(tmp_path: Path) -> None:
+    def last() -> object:
+        with closing(Checkpoints(tmp_path, read_only=True)) as reader:
+            return reader.load()
+
+    with closing(Checkpoints(tmp_path)) as written:
+        written.write(lambda: (1,), lambda: None)
+        written._wait()
+        assert last() == (1,)
+        written._due = math.inf
+        written.write(lambda: (2,), lambda: None)
+        written._wait()
+        assert last() == (1,)
+        written.write(lambda: (3,), lambda: None, at_once=True)
+        assert last() == (3,)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="whether a file has holes is not told everywhere")
+@pytest.mark.parametrize(("size", "refused"), [(64_000_000, False), (64_000_001, True)])
+@pytest.mark.parametrize("end", ["", "-wal"])
+def test_a_file_of_holes_is_no_ledger(tmp_path: Path, size: int, refused: bool, end: str) -> None:
+    path = tmp_path / "flight.sqlite"
+    with path.with_name(f"{path.name}{end}").open("wb") as file:
+        file.truncate(size)
+    if not refused:
+        refuse_strange_files(path)
+        return
+    with pytest.raises(UsageError, match=r"has 0\.1 GB, which no file of gcs-mosaic has"):
+        refuse_strange_files(path)
