@@ -329,7 +329,7 @@ def test_a_budget_is_spent_to_its_end() -> None:
 
 
 def test_an_answer_in_the_last_moment_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(requests.secrets, "token_hex", lambda size: "abcd")
+    monkeypatch.setattr("gcs_mosaic.store.requests.secrets.token_hex", lambda size: "abcd")
     answer(tmp_path, Answer(id="abcd", taken=True, text="followed"))
     assert ask_to_follow(tmp_path, 7, 0.0) == Answer(id="abcd", taken=True, text="followed")
 
