@@ -11,7 +11,7 @@ import pytest
 from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, Matrix3x3, PointsNx2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration import agreement as module
-from gcs_mosaic.stitch.registration.agreement import LEAST_OVERLAP, LEAST_TOGETHER, MOST, Agreement, PixelPair
+from gcs_mosaic.stitch.registration.agreement import LEAST_OVERLAP, LEAST_TOGETHER, MOST, REACH, Agreement, PixelPair
 
 WIDTH, HEIGHT, MARGIN = 240, 180, 120
 
@@ -218,3 +218,18 @@ def test_refinement_goes_on_until_the_corners_lie_right() -> None:
     corners = np.array([[50.0, 30], [230, 30], [50, 170], [230, 170]])
     there = cv2.perspectiveTransform(corners[None], found.b_from_a)[0]
     assert np.abs(there - corners + [40, 20]).max() < 0.5
+
+
+def test_sums_of_products_are_those_of_each_shift() -> None:
+    """Of b with a shifted by so many pixels, 64 at most to any side."""
+    pair = PixelPair(cut(0, 0), cut(40, 20))
+    a, b = pair._a.image, pair._b.image
+    found = pair._shifted_products(pair._b.spectrum, a)
+    assert found.shape == (2 * REACH + 1, 2 * REACH + 1)
+    for down, across in ((0, 0), (-5, 9), (30, -64)):
+        moved_a = np.zeros_like(a)
+        height, width = a.shape
+        moved_a[max(down, 0) : height + min(down, 0), max(across, 0) : width + min(across, 0)] = a[
+            max(-down, 0) : height - max(down, 0), max(-across, 0) : width - max(across, 0)
+        ]
+        assert found[down + REACH, across + REACH] == pytest.approx(float((moved_a * b).sum()), rel=1e-3, abs=50)
