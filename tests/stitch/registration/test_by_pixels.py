@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -273,3 +273,21 @@ def test_without_a_registration_nothing_is_looked_at() -> None:
     pictures = Pictures({0.0: agreement(np.eye(3))})
     assert looked_at(None, pair_of(DETAILED, DETAILED), pictures.pair, DETAILED, DETAILED, SETTINGS) is None
     assert pictures.asked == []
+
+
+def test_matches_that_agree_with_what_the_pictures_show_tell_the_pose_with_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Within three tolerances, which few of four pixels are; matches elsewhere are left out."""
+    monkeypatch.setattr(by_pixels, "patches", lambda a, b, h: NO_PATCHES)
+    there = GRID + np.array([30.0, 0.0])
+    there[20:] += [20.0, 0.0]
+    a = frame(len(GRID))
+    b = replace(a, kept_points=there.astype(np.float32))
+    both = np.stack([np.arange(len(GRID))] * 2, axis=1)
+    pictures = Pictures({30.0: agreement(moved(30))})
+    pair = frame_pair(a, b, ALL, ALL, both)
+    found = proved_by_pixels(pair, pictures.pair, a, b, [far(30)], SETTINGS)
+    assert found is not None
+    assert found.features.tolist() == both[:20].tolist()
+    assert np.allclose(found.b_from_a, moved(30), atol=1e-6)
