@@ -112,6 +112,8 @@ def test_the_error_grows_with_the_distance_from_the_middle() -> None:
     assert far.major_m == pytest.approx(AROUND_95 * math.hypot(2, 0.01 * 500))
     assert anchor(bend=3.0).error(100.0, 0.0).minor_m == pytest.approx(AROUND_95 * math.hypot(2, 3))
     assert anchor(least=50.0).error(100.0, 0.0).minor_m == 50.0
+    exact = Anchor(plane=PLANE, turn=1j, shift=0j, middle=0j, covariance=((0.0,) * 4,) * 4)
+    assert exact.error(9.0, 9.0).major_m == 0.0  # unless it is said that the map is bent, or a least error
 
 
 def test_alternatives_tell_the_error_where_there_are_any() -> None:

@@ -134,6 +134,7 @@ def test_squares_of_all_sets_are_read_as_they_are_written(longitude: float, lati
         "32T 99999.9 4649776", "32T 900000 4649776", "32N 500000 10000001", "0T 500000 4649776", "61T 500000 4649776",
         "32X 500000 4649776", "32TAA 00000 49776", "32TNM 0000 00000", "90.1, 7", "-90.1, 7", "7 E, 90.1 N", "44, 180.1",
         "44, -180.1", "44 60, 7 0", "44 0 60, 7 0 0", "0.0000004, 0.0000004", "+44 N, 7 E", "44 N 7", "a, b",
+        "N44.5S, 7 E", "N 44.5 N, 7 E",
     ],
 )  # fmt: skip
 def test_what_is_just_beyond_is_refused(text: str) -> None:
