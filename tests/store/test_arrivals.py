@@ -15,6 +15,7 @@ import pytest
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, content_hash
 from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.store import stages
 from gcs_mosaic.store.changes import Changes
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.flight_store import FlightStore, StoreHooks
@@ -395,3 +396,23 @@ def test_islands_are_a_list_of_objects(islands: object) -> None:
 
 def test_a_flight_that_ended_before_its_first_frame_has_no_islands(tmp_path: Path) -> None:
     assert told_islands(tmp_path) == []
+
+
+def test_the_ledger_is_on_the_disk_before_any_document_tells_of_it(
+    store: FlightStore, camera: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[bool] = []
+    monkeypatch.setattr(store.ledger, "make_durable", lambda: told.append((store.out / "mosaic.json").exists()))
+    store.accept(taken(camera, "a.jpg"))
+    with Canvas(lambda name: None) as canvas:
+        store.save(canvas, [], {})
+    assert told == [False]
+    assert (store.out / "mosaic.json").exists()
+
+
+def test_where_nobody_tells_the_core_it_is_minus_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown(name: None) -> None:
+        raise OSError("no such library")
+
+    monkeypatch.setattr("ctypes.CDLL", unknown)
+    assert stages._tells_core()() == -1
