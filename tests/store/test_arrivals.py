@@ -19,9 +19,10 @@ from gcs_mosaic.store import stages
 from gcs_mosaic.store.changes import Changes
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.flight_store import FlightStore, StoreHooks
+from gcs_mosaic.store.folder import flights_of, written_ns
 from gcs_mosaic.store.lost_originals import AGAIN_S, LostOriginals
 from gcs_mosaic.store.originals import KeptOriginal, NotKept, Originals, OriginalsSettings
-from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.store.records import FrameState, IslandRecord
 from gcs_mosaic.store.rewritten import RewrittenFiles
 from gcs_mosaic.store.told_islands import checked_islands, told_islands
 from tests.factories import frame
@@ -416,3 +417,17 @@ def test_where_nobody_tells_the_core_it_is_minus_one(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("ctypes.CDLL", unknown)
     assert stages._tells_core()() == -1
+
+
+def test_the_ledger_tells_which_islands_were_merged(store: FlightStore) -> None:
+    merged = [IslandRecord(id=0, merged_into=None), IslandRecord(id=1, merged_into=0)]
+    with Canvas(lambda name: None) as canvas:
+        store.note_tiles([])
+        store.save(canvas, merged, {})
+    assert store.ledger.islands() == merged
+
+
+def test_a_flight_counts_as_written_since_the_moment_in_which_it_was(store: FlightStore) -> None:
+    written = written_ns(store.out) / 1e9
+    assert flights_of(store.out, written - 1) == flights_of(store.out, written) == [store.out]
+    assert flights_of(store.out, written + 1) == []
