@@ -3,9 +3,11 @@
     python -m tests.benchmarks.mutants gcs_mosaic/triggers [--sample 60] [--seed 1] [--jobs 1] [--minutes 60]
 
 Each mutant is one change of a file (a comparison, a boundary, and/or, not, + - * /, a number by one, True/False, a result left
-out, a call left out), tried in a copy of the project by the quick tests of the module, those of its own name first, then those of
-its room. Mutants that change nothing anybody could see are listed in mutants_equivalent.txt, with the reason, and left out. The
-copies, and whatever the tests write, lie in one folder for temporary files, which is gone in the end.
+out, a call left out), tried in a copy of the project by the quick tests of its room, and those near by that import its module.
+One run without a fault tells which tests execute which lines: a mutant is tried by those that execute its own, the quickest
+first, and by those of the module if none does, as where another process does it. Mutants that change nothing anybody could see
+are listed in mutants_equivalent.txt, with the reason, and left out. The copies, and whatever the tests write, lie in one folder
+for temporary files, which is gone in the end.
 """
 
 from __future__ import annotations
@@ -29,15 +31,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
+from tests.benchmarks.mutant_tests import Reach, Watch, read
 from tests.benchmarks.mutations import Mutant, mutants_of
 
 ROOT = Path(__file__).parents[2]
 COPIED = ("gcs_mosaic", "tests", "sitl", "config", "pyproject.toml", "README.md")
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.txt")
-LOADED = ("pytest", "numpy", "cv2", "scipy.spatial", "sqlite3")  # once, for all that is forked
+LOADED = ("pytest", "coverage", "numpy", "cv2", "scipy.spatial", "sqlite3")  # once, for all that is forked
 NEVER = "gcs_mosaic/processes"  # it signals processes, and a mutant of it others
+REACH = "reach.json"  # in a copy: what its tests execute
 MOST_BYTES = 6 << 30  # of address space of each process
-LEAST_S, PATIENCE = 30.0, 4.0  # of time; and as a multiple of what the tests take without a fault
+LEAST_S, PATIENCE = 20.0, 4.0  # of time for a test, and for all; and as a multiple of what they take without a fault
 
 
 @dataclass(slots=True)
@@ -47,6 +51,7 @@ class Trial:
     mutant: Mutant
     pid: int
     copy: Path
+    began: float
     until: float
 
 
@@ -96,15 +101,15 @@ def equivalents() -> set[str]:
 def tried(mutants: list[Mutant], folder: Path, jobs: int, until: float) -> list[str]:
     """What becomes of those that are begun before `until`; each is told as soon as it is known."""
     copies, running, outcomes = [copy_into(folder / str(job)) for job in range(jobs)], list[Trial](), list[str]()
-    waiting, limits = mutants[::-1], dict[Path, float]()
+    waiting, reaches = mutants[::-1], dict[Path, Reach]()
     try:
         while running or (waiting and time.monotonic() < until):
             while waiting and copies and time.monotonic() < until:
                 copy, mutant = copies.pop(), waiting.pop()
                 room = mutant.path.parent
-                if room not in limits:
-                    limits[room] = limit_of({one.path for one in mutants if one.path.parent == room}, copy)
-                running.append(begun(mutant, copy, limits[room], len(waiting)))
+                if room not in reaches:
+                    reaches[room] = reach_of({one.path for one in mutants if one.path.parent == room}, copy)
+                running.append(begun(mutant, copy, reaches[room], len(waiting)))
             time.sleep(0.05)
             for trial in list(running):
                 if (outcome := outcome_of(trial)) is not None:
@@ -112,7 +117,11 @@ def tried(mutants: list[Mutant], folder: Path, jobs: int, until: float) -> list[
                     copies.append(trial.copy)
                     shutil.copyfile(ROOT / trial.mutant.path, trial.copy / trial.mutant.path)
                     outcomes.append(outcome)
-                    print(f"{outcome:8} {trial.mutant.path}:{trial.mutant.line}: {trial.mutant}", flush=True)
+                    took_s = time.monotonic() - trial.began
+                    print(
+                        f"{outcome:8} {took_s:4.0f} s {trial.mutant.path}:{trial.mutant.line}: {trial.mutant}",
+                        flush=True,
+                    )
     finally:
         for trial in running:
             stop(trial.pid)
@@ -132,18 +141,24 @@ def copy_into(folder: Path) -> Path:
     return folder
 
 
-def begun(mutant: Mutant, copy: Path, limit_s: float, number: int) -> Trial:
+def begun(mutant: Mutant, copy: Path, reach: Reach, number: int) -> Trial:
     path = copy / mutant.path
     path.write_text(mutant.text(), encoding="utf-8")
     later = time.time() + 2 * number  # bytecode of the mutant before is told from this one's by whole seconds
     os.utime(path, (later, later))
-    return Trial(mutant, forked(named_tests(mutant.path), copy), copy, time.monotonic() + limit_s)
+    module = ".".join(mutant.path.with_suffix("").parts)
+    importing = [test for test in named_tests(mutant.path) if imports(ROOT / test, module)]
+    tests = reach.tests(mutant.path, mutant.lines, importing)
+    limit_s = max(LEAST_S, PATIENCE * (reach.seconds_of(tests) if tests else sum(reach.seconds.values())))
+    longest_s = PATIENCE * max((reach.seconds[test] for test in tests or reach.seconds), default=0.0)
+    now = time.monotonic()
+    pid = forked(tests or named_tests(mutant.path), copy, most_s=max(LEAST_S, longest_s))
+    return Trial(mutant, pid, copy, now, now + limit_s)
 
 
-def limit_of(paths: set[Path], copy: Path) -> float:
-    """Seconds for the tests of a room's files. Raises SystemExit where they fail without a fault."""
-    begin = time.monotonic()
-    pid = forked(sorted({test for path in paths for test in named_tests(path)}), copy)
+def reach_of(paths: set[Path], copy: Path) -> Reach:
+    """Which tests execute which lines of a room's files. Raises SystemExit where they fail without a fault."""
+    pid = forked(sorted({test for path in paths for test in named_tests(path)}), copy, sorted(paths))
     try:
         _, status = os.waitpid(pid, 0)
     except BaseException:
@@ -153,7 +168,9 @@ def limit_of(paths: set[Path], copy: Path) -> float:
     if status:
         said = (copy / "said").read_text(encoding="utf-8", errors="replace")
         sys.exit(f"the tests of {min(paths).parent} fail without a fault: {said[-2000:]}")
-    return max(LEAST_S, PATIENCE * (time.monotonic() - begin))
+    found = read((copy / REACH).read_text(encoding="utf-8"))
+    print(f"{min(paths).parent}: {len(found.seconds)} tests of {sum(found.seconds.values()):.0f} s", flush=True)
+    return found
 
 
 def outcome_of(trial: Trial) -> str | None:
@@ -176,15 +193,16 @@ def stop(pid: int) -> None:
         return
 
 
-def forked(tests: list[str], copy: Path) -> int:
-    """A process that runs tests in a copy and ends with 0 if all pass."""
+def forked(tests: list[str], copy: Path, watched: list[Path] | None = None, most_s: float = 0.0) -> int:
+    """A process that runs tests in a copy and ends with 0 if all pass, each in `most_s`; what they execute of `watched` files is
+    written there."""
     pid = os.fork()
     if pid == 0:
-        run_tests(tests, copy)
+        run_tests(tests, copy, watched or [], most_s)
     return pid
 
 
-def run_tests(tests: list[str], copy: Path) -> NoReturn:
+def run_tests(tests: list[str], copy: Path, watched: list[Path], most_s: float) -> NoReturn:
     status = 1
     try:
         os.setsid()
@@ -205,7 +223,14 @@ def run_tests(tests: list[str], copy: Path) -> NoReturn:
         if found is not None and Path(found.origin or "").is_relative_to(copy):
             import pytest
 
-            status = pytest.main(["-x", "-q", "-n0", "-p", "no:cacheprovider", f"--rootdir={copy}", *tests])
+            watch = Watch(copy, watched)
+            if watched:
+                watch.begin()
+            options = ["-x", "-q", "-n0", "-p", "no:cacheprovider", f"--rootdir={copy}"]
+            options += [f"--timeout={most_s:.0f}"] if most_s else []
+            status = pytest.main([*options, *tests], plugins=[watch] if watched else [])
+            if watched:
+                (copy / REACH).write_text(watch.reach().kept(), encoding="utf-8")
     except BaseException:
         traceback.print_exc()
     finally:

@@ -46,6 +46,7 @@ class Mutant:
     field: str
     index: int | None
     node: ast.AST
+    lines: range  # of the statement
 
     def __str__(self) -> str:
         """The same as long as the code is, wherever it stands."""
@@ -71,22 +72,22 @@ class Mutant:
 def mutants_of(path: Path, root: Path) -> Iterator[Mutant]:
     """Every fault that can be put into a file."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    for where, parent, field, index, node in _places(tree, "module"):
+    for where, lines, parent, field, index, node in _places(tree, "module", range(0)):
         for new in _others(node, parent):
             old, text = ast.unparse(node), ast.unparse(ast.fix_missing_locations(ast.Module([_as_statement(new)], [])))
             line = getattr(node, "lineno", 0)
             first, changed = (text.splitlines()[0] for text in (old, text))
-            yield Mutant(path.relative_to(root), line, where, first, changed, tree, parent, field, index, new)
+            yield Mutant(path.relative_to(root), line, where, first, changed, tree, parent, field, index, new, lines)
 
 
 def _as_statement(node: ast.AST) -> ast.stmt:
     return node if isinstance(node, ast.stmt) else ast.Expr(node)  # type: ignore[arg-type]
 
 
-Place = tuple[str, ast.AST, str, int | None, ast.AST]
+Place = tuple[str, range, ast.AST, str, int | None, ast.AST]
 
 
-def _places(parent: ast.AST, where: str) -> Iterator[Place]:
+def _places(parent: ast.AST, where: str, lines: range) -> Iterator[Place]:
     """All statements and expressions, but for those that only readers see."""
     if isinstance(parent, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
         where = parent.name if where == "module" else f"{where}.{parent.name}"
@@ -96,8 +97,16 @@ def _places(parent: ast.AST, where: str) -> Iterator[Place]:
         several = isinstance(value, list)
         for index, node in enumerate(value if several else [value]):
             if isinstance(node, ast.AST) and not _is_for_readers(node):
-                yield where, parent, field, index if several else None, node
-                yield from _places(node, where)
+                spans = _lines_of(node) if isinstance(node, ast.stmt) else lines
+                yield where, spans, parent, field, index if several else None, node
+                yield from _places(node, where, spans)
+
+
+def _lines_of(node: ast.stmt) -> range:
+    """Those of a statement, without what it holds if that is other statements."""
+    body = getattr(node, "body", None)
+    last = max(body[0].lineno - 1, node.lineno) if isinstance(body, list) and body else node.end_lineno or node.lineno
+    return range(node.lineno, last + 1)
 
 
 def _is_for_readers(node: ast.AST) -> bool:

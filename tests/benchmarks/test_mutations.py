@@ -6,6 +6,7 @@ import ast
 from itertools import pairwise
 from pathlib import Path
 
+from tests.benchmarks.mutant_tests import Reach, read
 from tests.benchmarks.mutants import EQUIVALENT, ROOT, equivalents, named_tests, sources
 from tests.benchmarks.mutations import mutants_of
 
@@ -59,3 +60,29 @@ def test_the_tests_of_a_module_begin_with_those_of_its_name() -> None:
     tests = named_tests(Path("gcs_mosaic/triggers/shots.py"))
     assert tests[0] == "tests/triggers/test_shots.py"
     assert "tests/triggers/test_matcher.py" in tests
+
+
+def test_a_fault_stands_in_the_lines_of_its_statement(tmp_path: Path) -> None:
+    path = tmp_path / "file.py"
+    path.write_text(
+        "def f(a):\n    if (a and\n            a > 1):\n        return [a,\n                2]\n    return 3\n"
+    )
+    lines = {
+        str(mutant).rpartition("f: ")[2]: (mutant.lines[0], mutant.lines[-1]) for mutant in mutants_of(path, tmp_path)
+    }
+    assert lines["a > 1  ->  a >= 1"] == lines["if a and a > 1:  ->  if False:"] == (2, 3)
+    assert lines["return [a, 2]  ->  return None"] == lines["2  ->  3"] == (4, 5)
+    assert lines["3  ->  4"] == (6, 6)
+
+
+def test_the_tests_of_a_fault_are_those_that_execute_it() -> None:
+    """And where a fixture does, once, all of its file; where a module is loaded, all that use the module."""
+    seconds = {"a::slow": 2.0, "a::quick": 1.0, "b::first": 0.5, "b::second": 0.1, "c::other": 0.1}
+    lines = {"m.py": {1: [""], 3: ["a::quick", "a::slow"], 5: ["b::first"], 9: []}}
+    reach = read(Reach(seconds, lines, {"m.py": {5: ["b::first"]}}).kept())
+    path = Path("m.py")
+    assert reach.tests(path, range(3, 4)) == ["a::quick", "a::slow"]
+    assert reach.tests(path, range(5, 6)) == ["b::second", "b::first"]
+    assert reach.tests(path, range(1, 2)) == ["b::first", "a::quick", "a::slow"]
+    assert reach.tests(path, range(1, 2), ["c"]) == ["c::other", "b::first", "a::quick", "a::slow"]
+    assert reach.tests(path, range(7, 10)) == reach.tests(Path("n.py"), range(1, 2)) == []

@@ -208,6 +208,8 @@ def test_pins_with_their_usual_errors_fit() -> None:
     [
         ([pin(0)], "another one"),
         ([pin(0), replace(pin(1), x=0.0, y=0.0)], "same spot"),
+        ([pin(0), replace(pin(1), x=0.9, y=0.0)], "same spot"),
+        ([pin(0), replace(pin(1), x=1.1, y=0.0)], "a pixel of the map would be 2"),
         ([pin(0), replace(pin(0), x=6000.0)], "of a single point: set one of another, 30 m apart or further"),
         ([replace(pin(0), name="A"), replace(pin(0, off=(0.5, 0.0)), name="a")], "The 2 pins are of a single point"),
         ([pin(0), replace(pin(0, off=(2.0, 0.0)), x=6000.0, name="b")], "apart or further"),

@@ -197,3 +197,15 @@ def test_a_sender_whose_clock_stands_still_lays_nothing(count: int) -> None:
     refused = anchored_by_positions(shots)
     assert isinstance(refused, Refused)
     assert f"tell {count} different times" in refused.reason
+
+
+def test_a_third_that_is_a_little_off_does_not_drag_exact_positions_along() -> None:
+    flown = flight(1, Receiver(sigma_m=0.0))
+    shots = [
+        replace(shot, latitude_deg=shot.latitude_deg + 2.0 / 111e3 * (at % 10 in (2, 5, 9)))
+        for at, shot in enumerate(flown.shots)
+    ]
+    found = fitted(Flight(shots, flown.true_m))
+    middle = np.array([shot.x for shot in shots]).mean(), np.array([shot.y for shot in shots]).mean()
+    off = PLANE.spots(found.anchor.places(np.array(middle))) - flown.true_m.mean(axis=0)
+    assert np.hypot(*off) < 0.15

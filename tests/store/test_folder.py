@@ -11,6 +11,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.folder import (
     LEDGER_NAME,
     find_flight,
+    occupied,
     open_flight_folder,
     refuse_watching_ourselves,
     resume_flight_folder,
@@ -192,3 +193,16 @@ def begun_flight(path: Path) -> None:
     path.mkdir()
     with Ledger(path / LEDGER_NAME) as ledger:
         ledger.begin_flight(FlightRecord(name=path.name, started_utc=1.0))
+
+
+@pytest.mark.parametrize("name", ["page.token", "flight.tlog", "notes.sqlite", "hints.sqlite"])
+def test_without_lock_log_or_ledger_of_ours_no_start_was_killed_there(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("somebody's own")
+    assert occupied(tmp_path) == f"{tmp_path} has its own {name}, which is left as it is"
+    (tmp_path / "flight.log").write_text("2024-05-01 INFO gcs_mosaic: the start\n")
+    assert occupied(tmp_path) == ""
+
+
+def test_where_no_flight_is_none_is_resumed(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="holds no flight to go on with"):
+        resume_flight_folder(tmp_path / "out")

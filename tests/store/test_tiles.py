@@ -8,7 +8,18 @@ from numpy.typing import NDArray
 
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.store.tiles import TileWriter, mask_path, read_tile, tile_path
+from gcs_mosaic.store.tiles import (
+    LARGEST_BYTES,
+    TileWriter,
+    mask_path,
+    pictures_in,
+    read_mask,
+    read_tile,
+    remove_strays,
+    tile_bytes,
+    tile_path,
+    tiles_in,
+)
 from tests.sure import sure
 
 TILE = Tile(16, 32768, 32767)
@@ -103,3 +114,58 @@ def test_what_is_not_a_tile_is_as_good_as_absent(tmp_path: Path, content: bytes)
     assert read_tile(tmp_path, 0, TILE) is None
     path.write_bytes(bytes(cv2.imencode(".jpg", np.zeros((50, 50, 3), np.uint8))[1]))
     assert read_tile(tmp_path, 0, TILE) is None
+
+
+def test_tiles_are_known_by_where_they_lie(tmp_path: Path) -> None:
+    """Whatever else somebody has put there is left alone."""
+    ours = ["tiles/0/16/5/7.jpg", "tiles/3/2/1/0.jpg"]
+    others = [
+        *("tiles/0/16/5/7.png", "tiles/0/16/5.jpg", "tiles/0/16/5/9/8.jpg", "tiles/0/16/5/x.jpg", "tiles/a/16/5/7.jpg"),
+        *(
+            "tiles/0/-1/5/7.jpg",
+            "tiles/0/16/5/1234567890.jpg",
+            "tiles/0/16/5/.7.jpg.part",
+            "masks/0/16/5/7.png",
+            "7.jpg",
+        ),
+    ]
+    for name in (*ours, *others):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    assert {*tiles_in(tmp_path)} == {(0, Tile(16, 5, 7)), (3, Tile(2, 1, 0))}
+    assert sorted(path.name for path in pictures_in(tmp_path, "tiles", ".jpg") if path.parts[-4] == "0") == [
+        "1234567890.jpg",
+        "7.jpg",
+        "7.jpg",
+        "x.jpg",
+    ]
+    assert [*pictures_in(tmp_path, "masks", ".png")] == [tmp_path / "masks/0/16/5/7.png"]
+    remove_strays(tmp_path, [(3, Tile(2, 1, 0))])
+    assert names(tmp_path) == sorted([*ours[1:], *(name for name in others if name != "masks/0/16/5/7.png")])
+
+
+def test_the_coverage_of_a_tile_is_read_without_its_colours(writer: TileWriter, tmp_path: Path) -> None:
+    assert read_mask(tmp_path, 0, TILE) is None
+    writer.write([(0, TILE)], lambda island, tile: lambda: picture(covered=100))
+    covered = sure(read_mask(tmp_path, 0, TILE))
+    assert (covered[0, 99], covered[0, 100]) == (255, 0)
+    writer.write([(0, TILE)], lambda island, tile: lambda: picture())
+    assert sure(read_mask(tmp_path, 0, TILE)).min() == 255
+    mask_path(tmp_path, 0, TILE).write_bytes(b"no picture")
+    assert read_mask(tmp_path, 0, TILE) is None
+    assert read_tile(tmp_path, 0, TILE) is None
+
+
+def test_a_file_that_no_tile_is_as_large_as_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "0.jpg"
+    assert tile_bytes(path, tmp_path) is None
+    path.write_bytes(bytes(LARGEST_BYTES))
+    assert len(sure(tile_bytes(path, tmp_path))) == LARGEST_BYTES
+    path.write_bytes(bytes(LARGEST_BYTES + 1))
+    assert tile_bytes(path, tmp_path) is None
+
+
+def test_the_writer_tells_how_many_tiles_there_are(writer: TileWriter) -> None:
+    keys = [(0, Tile(16, 32768 + n, 32767)) for n in range(3)]
+    assert writer.write(keys, lambda island, tile: lambda: picture() if tile.x > 32768 else None) == 2
+    assert writer.there == {*keys[1:]}

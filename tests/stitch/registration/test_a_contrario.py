@@ -32,6 +32,8 @@ def test_evidence_grows_with_inliers_and_shrinks_with_matches_and_chance() -> No
 def test_the_model_counts_as_moisan_and_stival_do() -> None:
     """All of 6 matches: 2 * C(6, 6) * C(6, 4) * chance^2 false alarms."""
     assert log_evidence(6, 6, 0.01) == pytest.approx(-math.log10(2 * 15 * 0.01**2))
+    assert log_evidence(5, 5, 0.01) == pytest.approx(-math.log10(1 * 5 * 0.01))
+    assert log_evidence(3, 3, 0.01, sample=2) == pytest.approx(-math.log10(1 * 3 * 0.01))
 
 
 def test_random_matches_never_amount_to_evidence() -> None:
