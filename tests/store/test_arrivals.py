@@ -14,7 +14,7 @@ import pytest
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, content_hash
-from gcs_mosaic.render.canvas import Canvas
+from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.store import stages
 from gcs_mosaic.store.changes import Changes
 from gcs_mosaic.store.disk import CannotWrite
@@ -120,7 +120,7 @@ def test_new_bytes_of_a_picture_are_its_original_from_then_on(store: FlightStore
     assert store.original("a.jpg") == b"whole picture"
     assert (store.known_as("a.jpg#2"), store.known_as("a.jpg"), store.known_as("b.jpg")) == ("a.jpg", "a.jpg", None)
     assert store.accept(replace(again, name="c.jpg"))[0] is None
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [], {})
         assert old.exists()  # it is still to be decoded
         store.settle("a.jpg", FrameState.REJECTED, "too dark")
@@ -155,7 +155,7 @@ def test_originals_that_went_with_the_folder_are_sought_and_those_still_to_be_pr
     tmp_path: Path, camera: Path
 ) -> None:
     around = StoreHooks(elsewhere=lambda name: camera / name if name != "lost.jpg" else None)
-    with closing(FlightStore(tmp_path, around=around)) as store, Canvas(lambda name: None) as canvas:
+    with closing(FlightStore(tmp_path, around=around)) as store, TileCompositor(lambda name: None) as canvas:
         for name in ("done.jpg", "lost.jpg", "pending.jpg", "there.jpg"):
             store.accept(taken(camera, name))
         for name in ("done.jpg", "there.jpg"):
@@ -199,7 +199,7 @@ def test_every_file_is_counted_and_has_its_outcome(store: FlightStore, camera: P
     assert store.taken_in == 3
     assert store.settle_unstitched() == 1
     assert states(store)["s.jpg"] == (FrameState.DROPPED, "no room")
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [], {})
     assert states(store)["a.jpg"] == (FrameState.UNSTITCHED, "the flight was ended before its turn")
     assert store.settle_unstitched() == 0
@@ -221,7 +221,7 @@ def revision(store: FlightStore) -> int:
 def test_accounts_are_brought_up_to_the_ledgers_without_a_new_revision(store: FlightStore, camera: Path) -> None:
     store.tell_accounts()
     assert not (store.out / "mosaic.json").exists()
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [], {})
         before = revision(store)
         store.accept(taken(camera, "a.jpg"))
@@ -234,7 +234,7 @@ def test_accounts_are_brought_up_to_the_ledgers_without_a_new_revision(store: Fl
 
 def test_a_change_that_no_document_tells_makes_no_revision(store: FlightStore, camera: Path) -> None:
     store.accept(taken(camera, "a.jpg"))
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [], {})
         before = revision(store)
         store.note_measured("a.jpg", (40, 30), 0.5)
@@ -405,7 +405,7 @@ def test_the_ledger_is_on_the_disk_before_any_document_tells_of_it(
     told: list[bool] = []
     monkeypatch.setattr(store.ledger, "make_durable", lambda: told.append((store.out / "mosaic.json").exists()))
     store.accept(taken(camera, "a.jpg"))
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         store.save(canvas, [], {})
     assert told == [False]
     assert (store.out / "mosaic.json").exists()
@@ -421,7 +421,7 @@ def test_where_nobody_tells_the_core_it_is_minus_one(monkeypatch: pytest.MonkeyP
 
 def test_the_ledger_tells_which_islands_were_merged(store: FlightStore) -> None:
     merged = [IslandRecord(id=0, merged_into=None), IslandRecord(id=1, merged_into=0)]
-    with Canvas(lambda name: None) as canvas:
+    with TileCompositor(lambda name: None) as canvas:
         store.note_tiles([])
         store.save(canvas, merged, {})
     assert store.ledger.islands() == merged
