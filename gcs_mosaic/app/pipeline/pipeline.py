@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -242,8 +243,7 @@ class Pipeline(Kept):
         with stage("place", name):
             in_sight = self._renderer.in_sight(prepared.features, prepared.image, aircraft)
             outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), aircraft)
-        with stage("adjust", name):
-            self._adjusted(self.mosaic.adjust)
+        self._adjusted(self.mosaic.adjust, name)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
         if state is not FrameState.REJECTED:
@@ -280,7 +280,8 @@ class Pipeline(Kept):
     def _connected_some(self) -> bool:
         """Compare some unconnected frames that look alike; returns whether there are more."""
         try:
-            more = self.mosaic.connect_some()
+            with stage("connect", ""):
+                more = self.mosaic.connect_some()
         except Exception as error:
             logger.exception("frames could not be compared")
             self._say_problem(
@@ -329,7 +330,14 @@ class Pipeline(Kept):
 
     def repaint_all(self) -> Iterator[None]:
         """Repaint everything at its final place and brightness, step by step; may be abandoned at any step when time is up."""
-        yield from self._render_stage.repaint_all(self.mosaic.placements())
+        with closing(self._render_stage.repaint_all(self.mosaic.placements())) as steps:
+            while self._one_more(steps):
+                yield
+
+    def _one_more(self, steps: Iterator[None]) -> bool:
+        """Whether there was another step of repainting to do."""
+        with stage("repaint", ""):
+            return next(steps, False) is None
 
     def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
         """Paint newly placed frames and return their names; note those that must be repainted elsewhere."""
@@ -349,9 +357,10 @@ class Pipeline(Kept):
             self.store.settle(covered.name, FrameState.COVERED, None)
             self.store.note_replaced(covered, size)
 
-    def _adjusted(self, adjust: Callable[[], T]) -> T | None:
+    def _adjusted(self, adjust: Callable[[], T], of: str = "") -> T | None:
         """A failure here must not reject the frame just placed: the map is valid without the adjustment."""
-        found = self._tried(adjust, "the map could not be adjusted")
+        with stage("adjust", of):
+            found = self._tried(adjust, "the map could not be adjusted")
         self._say_problem("adjustment", self.mosaic.problem)
         self._say_problem("features", self._shelf.problem)
         return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 
 from gcs_mosaic.app.pipeline.method import Renderer
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, thumbnail
@@ -107,7 +107,7 @@ class RenderStage(Kept):
         self._repaint(steps)
         return bool(steps)
 
-    def repaint_all(self, placements: Iterable[Placement]) -> Iterator[None]:
+    def repaint_all(self, placements: Iterable[Placement]) -> Generator[None, None, None]:
         """Repaint everything at its final place and brightness, step by step."""
         for steps in self._renderer.final_steps(placements):
             self._repaint(steps)
