@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from gcs_mosaic.app.machine import share_heap
+from gcs_mosaic.app.machine import set_up_heap
 from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.waiting.prefetch import prepare
@@ -60,7 +60,7 @@ class Costs:
 
 def measured(work: Work) -> Costs:
     """Meant for a process of its own."""
-    share_heap()
+    set_up_heap()
     config = Config(scale=work.scale)
     with TemporaryDirectory() as scratch:
         wall_s, cpu_s, resident_mb = _of_command(work, Path(scratch) / "command")
@@ -112,6 +112,7 @@ class _Heard(logging.Handler):
 
 def _of_stages(pictures: Sequence[Path], out: Path, config: Config) -> dict[str, float]:
     """CPU seconds of each stage, all frames and the final painting together."""
+    out.mkdir()
     linking, heard = replace(config, originals=replace(config.originals, keep="link")), _Heard()
     pipeline = Pipeline(out, linking, lambda notice: None, punctual=True, paint_live=False)
     stages.logger.addHandler(heard)
