@@ -6,7 +6,7 @@ FOLDER holds the frames of a flight. Wall time on a machine that may do other th
 floor of the same run: decoding, one warp of the whole frame and the JPEG encoding of the tiles under its footprint, on one
 thread (`floors`). For each release, with the row that it adds:
 
-    python -m tests.benchmarks.speed ../shared/data/caliterra --part stitch --most 20 --keep
+    python -m tests.benchmarks.speed ../shared/data/caliterra --part stitch --most 12 --keep
 
 stitch: the command at 100, 50 and 25 % of the size, its start and its final painting included, and its stages (`speed_costs`);
 the median of --repeats runs at each, in turn, compared with the last kept row of the same frames (`speed_table`). Exit code 1 if
