@@ -40,7 +40,7 @@ from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.maps.routes import add_maps
 from gcs_mosaic.web.request_handler import TimedRequestHandler
 from gcs_mosaic.web.settings import WebSettings
-from gcs_mosaic.web.tile_answer import tile_answer
+from gcs_mosaic.web.tile_answer import tagged, tile_answer
 from gcs_mosaic.web.token import Access
 
 VIEWER = Path(__file__).parent / "viewer"
@@ -131,9 +131,7 @@ async def document(request: web.Request) -> web.StreamResponse:
     if small is None:
         return web.FileResponse(path, CHUNK, headers={"Content-Type": "application/json"})
     data, etag = small
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    return web.Response(body=data, content_type="application/json", headers={"ETag": f'"{etag}"'})
+    return tagged(request, data, "application/json", etag)
 
 
 def small_document(path: Path) -> tuple[bytes, str] | None:

@@ -106,7 +106,7 @@ class Pipeline(Kept):
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
         parts = self._worker, self.load_original, self._note_painted, out, observer, self._shelf.shelve
         method = method_of(config, *parts, self._finer_features, punctual=punctual, paint_live=paint_live)
-        self.mosaic, self._renderer = method.stitcher, method.renderer
+        self.mosaic, self._renderer = method.mosaic, method.renderer
         # Features of an image, by `reduction`, used for placing. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
         self._said_problems: dict[str, str | None] = {}  # last one reported, by source or by operation
@@ -136,7 +136,6 @@ class Pipeline(Kept):
 
         Raises whatever a checkpoint raises that does not fit; then all is as before.
         """
-        assert isinstance(self.mosaic, Mosaic), "the paper's recipe has no checkpoint"
         other = Mosaic(self.mosaic.settings, shelve=self._shelf.shelve)
         other.load(saved["mosaic"])
         with transaction(self):
@@ -322,7 +321,6 @@ class Pipeline(Kept):
 
     def link_across(self) -> None:
         """After `settle`, of several flights: link them wherever they overlap, and adjust again."""
-        assert isinstance(self.mosaic, Mosaic), "the paper's recipe links nothing"
         self._tried(self.mosaic.link_across, "frames of several flights could not be linked")
         self._adjusted(partial(self.mosaic.adjust, everything=True))
         with transaction(self):

@@ -5,10 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Generator, Iterable, Sequence
 
-from gcs_mosaic.app.pipeline.method import Renderer
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.render.repaint_queue import Step
+from gcs_mosaic.render.repaint_queue import RepaintQueue, Step
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept, transaction
@@ -68,7 +67,7 @@ class RenderStage(Kept):
 
     def __init__(
         self,
-        renderer: Renderer,
+        renderer: RepaintQueue,
         store: FlightStore,
         whole: Kept,
         load_original: Callable[[str], Bands | None],
