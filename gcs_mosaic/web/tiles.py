@@ -37,7 +37,11 @@ class TileQuery:
 @OPERATIONS.add(
     "GET",
     TILE_PATH,
-    Reply("256 x 256 px, transparent where nothing was seen.", Media(("image/jpeg", "image/png")), tagged=True),
+    Reply(
+        "256 x 256 px, transparent where nothing was seen.",
+        Media(("image/jpeg", "image/png", "image/webp")),
+        tagged=True,
+    ),
     query=TileQuery,
     failures={404: "There is no such tile."},
     about={"suffix": "may be left out"},

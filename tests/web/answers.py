@@ -92,7 +92,7 @@ def judging(make: MakeApp, complaints: list[str]) -> MakeApp:
 
 async def _faults(described: Described, request: web.Request, response: web.StreamResponse) -> list[str]:
     resource = request.match_info.route.resource
-    if resource is None:
+    if resource is None or response.status == 500:  # a handler that has raised is no answer
         return []
     path, method = resource.canonical, "GET" if request.method == "HEAD" else request.method
     body = response.body if isinstance(response, web.Response) and isinstance(response.body, bytes) else None
