@@ -57,6 +57,7 @@ def flown(count: int) -> list[Place]:
     return [(10 + STEP * k, 10 + STEP * k // 4) for k in range(count)]
 
 
+@pytest.mark.long
 def test_the_ground_is_matched_and_not_the_pattern(artefacts: Artefacts) -> None:
     keys = put(artefacts, flown(12))
     blocks = "sums/0", "sums/1"
@@ -70,6 +71,7 @@ def test_the_ground_is_matched_and_not_the_pattern(artefacts: Artefacts) -> None
     assert a.faint is None
 
 
+@pytest.mark.long
 def test_a_hovering_aircraft_is_counted_once_in_however_many_blocks(artefacts: Artefacts) -> None:
     """What it hovers over would be the mean, and nothing be left of it."""
     keys = put(artefacts, [(300, 300)] * 12)

@@ -188,6 +188,7 @@ def test_how_well_the_island_in_view_fits_is_told(page: Page, url: str, flight: 
     page.wait_for(f"!{TEXT}.includes('Fits to')")
 
 
+@pytest.mark.long
 def test_following_shows_the_newest_frame_where_it_is(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=10, maxzoom=16, frames=1)]
     flight.place("a.jpg", 128, 128)
@@ -272,6 +273,7 @@ def test_the_outline_follows_a_covered_frame(page: Page, url: str, feed: Feed, f
     page.wait_for("Boolean(document.querySelector('[title=\"b.jpg: covered by a.jpg\"]'))")
 
 
+@pytest.mark.long
 def test_empty_page_says_what_is_waited_for(page: Page, url: str, flight: SmallFlight) -> None:
     flight.status(state="listening", last_frame=None)
     page.open(url)

@@ -111,6 +111,7 @@ def test_every_frame_ends_in_the_right_account_with_a_reason(
     assert (ledger[name].reason is None) == (reason is None)
 
 
+@pytest.mark.long
 def test_both_accounts_close(flown: Running, ledger: dict[str, FrameRecord]) -> None:
     mosaic, status = flown.document("mosaic.json"), flown.status()
     assert mosaic["frames"] == status["frames"]
@@ -121,6 +122,7 @@ def test_both_accounts_close(flown: Running, ledger: dict[str, FrameRecord]) -> 
     assert mosaic["events"]["missing"] == 2  # the triggers of the pictures that never became whole
 
 
+@pytest.mark.long
 def test_every_original_is_kept_and_the_watched_folder_is_left_as_it_was(
     flown: Running, ledger: dict[str, FrameRecord], pictures: list[bytes]
 ) -> None:
@@ -130,6 +132,7 @@ def test_every_original_is_kept_and_the_watched_folder_is_left_as_it_was(
     assert (flown.watch / "sub" / "text.jpg").exists()
 
 
+@pytest.mark.long
 def test_how_good_the_map_is_is_told_everywhere(flown: Running) -> None:
     islands = {str(one["id"]): one["held_out_px"] for one in flown.document("mosaic.json")["islands"]}
     known = {island: found for island, found in islands.items() if found}
@@ -140,6 +143,7 @@ def test_how_good_the_map_is_is_told_everywhere(flown: Running) -> None:
     assert line in run("status", flown.out, cwd=flown.home).stdout
 
 
+@pytest.mark.long
 def test_what_happened_is_said(flown: Running) -> None:
     assert flown.status()["state"] == "stopped"
     assert "made the folder frames, which was not there" in flown.said
@@ -148,6 +152,7 @@ def test_what_happened_is_said(flown: Running) -> None:
     assert "Traceback" not in flown.said
 
 
+@pytest.mark.long
 def test_what_happened_is_in_the_log(flown: Running) -> None:
     log = (flown.out / "flight.log").read_text()
     assert "gcs_mosaic.app.status.reporter: frames: sub/cut.jpg is damaged: truncated" in log
