@@ -52,7 +52,8 @@ from gcs_mosaic.store.folder import FlightFolder
 from gcs_mosaic.store.log import LogFile, said, streams_json
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
-from gcs_mosaic.store.status import AircraftStatus, Behind, DaemonState, LastFrame
+from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame
+from gcs_mosaic.store.told_documents import DaemonState
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
 

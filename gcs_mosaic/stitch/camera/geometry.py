@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -34,12 +35,12 @@ class Camera:
     Lengths are in half-diagonals, independent of the frame's size.
     """
 
-    width: int  # px
-    height: int  # px
+    width: Annotated[int, "px"]
+    height: Annotated[int, "px"]
     focal: float = 1.5
     k1: float = 0.0
     k2: float = 0.0
-    shift_x: float = 0.0  # of the principal point from the middle of the frame
+    shift_x: Annotated[float, "of the principal point from the middle of the frame"] = 0.0
     shift_y: float = 0.0
 
     @property

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 from aiohttp import web
 
+from gcs_mosaic.store.documents import told_of
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.api.schema import told_of
 from gcs_mosaic.web.tile_answer import tagged
 
 BASE = "/api/v1"

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from aiohttp import web
 
-from gcs_mosaic.notes.storage.checked import Limits
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.picture_tiles import KEPT_S, PictureTiles
 from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, original, picture
 from gcs_mosaic.views.sightings import Sighting, sightings
@@ -108,7 +108,7 @@ async def who_saw(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FRAME}/picture",
-    Reply("A picture that browsers show.", SHOWN, tagged=True),
+    Reply("A picture that browsers show.", SHOWN, tagged=True, ranged=True),
     query=PictureQuery,
     failures=NO_PICTURE,
 )
@@ -173,7 +173,9 @@ async def _cut(request: web.Request, where: str, cut: Callable[..., bytes], *of_
     return web.Response(body=data, content_type="image/jpeg", headers={"ETag": f'"{etag}"'})
 
 
-@OPERATIONS.add("GET", f"{FRAME}/original", Reply("The file as it came.", FILE), failures=NO_PICTURE)
+@OPERATIONS.add(
+    "GET", f"{FRAME}/original", Reply("The file as it came.", FILE, tagged=True, ranged=True), failures=NO_PICTURE
+)
 async def download(request: web.Request) -> web.StreamResponse:
     """The original file under its own name."""
     source = await _source(request)

@@ -25,6 +25,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.store.records import FrameRecord
 from sitl.delivery import write_slowly
+from tests.documents import document_at
 from tests.ports import free_port
 from tests.running import Running, events_of, flying, frames_of, run, six_pictures, until
 from tests.sure import sure
@@ -278,7 +279,7 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(
     with ExitStack() as stack:
         links = listening.listen(config, stop, stack)
         daemon.fly(config, links, Console(quiet=True), Shutdown(stop=stop, hurry=threading.Event()))
-    status = json.loads((tmp_path / "mosaic" / "status.json").read_bytes())
+    status = document_at(tmp_path / "mosaic" / "status.json")
     assert [notice for notice in status["notices"] if notice["text"].startswith(told) and notice["level"] == "error"]
     assert (status["watch"]["state"] == "ended") == (part == "watch")
     assert (status["mavlink"][0]["state"] == "failed") == (part == "triggers")
