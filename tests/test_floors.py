@@ -34,7 +34,7 @@ ALLOWED = {
         "processes",  # it adjusts in a process of its own
     },
     "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
-    "baseline": {"render", *STITCH - {"stitch.mosaic"}},
+    "baseline": {"render", *STITCH},
     "geo": {"errors"},
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},

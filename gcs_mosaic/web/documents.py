@@ -22,6 +22,7 @@ from gcs_mosaic.web.api.asked import asked_query
 from gcs_mosaic.web.api.operations import Lines, Operations, Reply
 from gcs_mosaic.web.choosing import ROOT
 from gcs_mosaic.web.hidden_paths import without_paths
+from gcs_mosaic.web.tile_answer import tagged
 
 STATUS = "status.json"
 SMALL_BYTES = 1 << 20  # of a document that is answered from memory
@@ -52,9 +53,7 @@ async def document(request: web.Request) -> web.StreamResponse:
     if small is None:
         return web.FileResponse(path, CHUNK, headers={"Content-Type": "application/json"})
     data, etag = small
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    return web.Response(body=data, content_type="application/json", headers={"ETag": f'"{etag}"'})
+    return tagged(request, data, "application/json", etag)
 
 
 def small_document(path: Path) -> tuple[bytes, str] | None:

@@ -120,6 +120,27 @@ def test_surf_without_mahotas_is_told_in_one_sentence(
     assert not out.exists()
 
 
+@pytest.mark.long
+def test_a_folder_that_has_grown_is_stitched_again(frames: Path, tmp_path: Path) -> None:
+    """Nothing of the one picture is kept to go on with."""
+    words = ["--out", str(tmp_path / "out"), "--method", "paper", "--scale", "0.5"]
+    pictures = [str(path) for path in sorted(frames.rglob("*.JPG"))]
+    assert cli.main(["stitch", *pictures[:2], *words]) == 0
+    assert cli.main(["stitch", *pictures[:4], *words, "--resume"]) == 0
+    assert json.loads((tmp_path / "out" / "mosaic.json").read_text())["frames"]["placed"] == 4
+
+
+@pytest.mark.long
+def test_flights_are_merged_so_too(out: Path, frames: Path, tmp_path: Path) -> None:
+    other, settings = tmp_path / "other", tmp_path / "settings.yaml"
+    settings.write_text("method: paper\nscale: 0.5\n")
+    last = [str(path) for path in sorted(frames.rglob("*.JPG"))[4:]]
+    assert cli.main(["stitch", *last, "--out", str(other), "--config", str(settings)]) == 0
+    words = ["--out", str(tmp_path / "map"), "--config", str(settings)]
+    assert cli.main(["merge", str(out), str(other), *words]) == 0
+    assert json.loads((tmp_path / "map" / "mosaic.json").read_text())["frames"]["placed"] == 8
+
+
 def test_debug_pictures_are_of_the_default_method(
     frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

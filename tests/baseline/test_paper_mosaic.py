@@ -48,7 +48,7 @@ def test_a_short_flight_lies_where_it_was_taken(ground: ImageBGR, kind: FeatureK
     assert placed == outcomes
     assert laid_error(mosaic.placements(), LINE) < (1.5 if kind == "sift" else 6)  # what the paper says of ORB
     assert [one.hops for one in placed] == [0, 1, 2, 3, 4]
-    assert all(one.inliers >= mosaic.settings.least_inliers for one in placed[1:])
+    assert all(one.inliers >= mosaic.recipe.least_inliers for one in placed[1:])
 
 
 @pytest.mark.long
