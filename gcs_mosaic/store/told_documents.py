@@ -34,7 +34,7 @@ Matrix = Annotated[tuple[Row, Row, Row], "homography, row by row, from pixels of
 # painting; stopped: everything is written.
 DaemonState = Literal["listening", "flying", "idle", "settling", "stopped"]
 Severity = Literal["info", "warning", "error"]
-# as `FrameState`
+# As `FrameState`.
 Outcome = Literal[
     "pending", "placed", "covered", "waiting", "rejected", "duplicate", "damaged", "dropped", "unstitched"
 ]

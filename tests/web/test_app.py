@@ -12,6 +12,7 @@ import pytest
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.web import app as app_module
+from gcs_mosaic.web import documents as documents_module
 from gcs_mosaic.web import live as live_module
 from gcs_mosaic.web import recent_answers
 from gcs_mosaic.web.address import HttpAddress
@@ -121,6 +122,18 @@ def test_what_is_new_of_frames_is_told_since_a_revision(client: Client, flight: 
     assert client.ask("/placements.jsonl")[1] == (flight.root / "placements.jsonl").read_bytes()
     for after in ("", "-1", "x", "1" * 5000, "²"):
         assert client.status(f"/placements.jsonl?after={quote(after)}") == 400
+
+
+def test_a_part_of_a_large_document_can_be_asked_for(
+    client: Client, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(documents_module, "SMALL_BYTES", 10)
+    flight.write()
+    whole = (flight.root / "mosaic.json").read_bytes()
+    answer, part = client.ask("/mosaic.json", Range="bytes=2-9")
+    assert (answer.status, part) == (206, whole[2:10])
+    assert client.status("/mosaic.json", Range=f"bytes={len(whole)}-") == 416
+    assert client.status("/mosaic.json", **{"If-Match": '"another"'}) == 412
 
 
 def test_tile_is_served_with_and_without_its_ending(client: Client, flight: SmallFlight) -> None:

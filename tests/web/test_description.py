@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
 from gcs_mosaic.notes.storage.checked import Unfit
-from gcs_mosaic.store.documents import Limits
+from gcs_mosaic.store.documents import Limits, compact
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api.asked import read
 from gcs_mosaic.web.api.openapi import description
@@ -36,6 +36,14 @@ class SampleBody:
     size: Literal[1, 2] = 1
     note: Annotated[str, Limits(longest=9)] | None = None
     is_on: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleEntry:
+    """What a test tells."""
+
+    vehicle: int | None = None
+    place: int | None
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +101,37 @@ def test_a_field_that_is_missing_and_other_kinds_and_states_are_found(operations
     ]
     assert described.faults("GET", "/api/v1/absent", 200, "text/plain", b"") != []
     assert described.faults("GET", "/api/v1/absent", 418, "application/json", b"") == ["418 is not described"]
+
+
+@pytest.mark.parametrize(
+    ("path", "media_type", "body", "faults"),
+    [
+        (
+            "/live",
+            "text/event-stream",
+            b'event: notes\ndata: {"revision":3}\n\n: alive\n\nevent: ended\ndata: {}\n\n',
+            0,
+        ),
+        ("/live", "text/event-stream", b'data: {"revision":3,"tiles":[[0,16,1,2]]}\n\n', 0),
+        ("/live", "text/event-stream", b'data: {"revision":3,"tiles":[[0,16,1]]}\n\n', 1),
+        ("/live", "text/event-stream", b'event: notes\ndata: {"revision":-1}\n\n', 1),
+        ("/placements.jsonl", "application/x-ndjson", b'{"format":1,"since":0}\n{"format":1,"since":0}\n', 0),
+        ("/placements.jsonl", "application/x-ndjson", b'{"format":1,"since":0}\n{"format":1}\n', 1),
+    ],
+)
+def test_each_line_and_event_is_compared(
+    operations: list[Operation], path: str, media_type: str, body: bytes, faults: int
+) -> None:
+    assert len(Described(operations).faults("GET", path, 200, media_type, body)) == faults
+
+
+def test_what_has_none_as_its_default_may_be_left_out() -> None:
+    schemas = Schemas(closed=True)
+    whole = schemas.of(SampleEntry) | {"components": {"schemas": schemas.named}}
+    for entry in (SampleEntry(place=None), SampleEntry(place=1, vehicle=2)):
+        assert Draft202012Validator(whole).is_valid(json.loads(compact(entry)))
+    assert compact(SampleEntry(place=None)) == '{"place":null}'
+    assert not Draft202012Validator(whole).is_valid({"vehicle": 2})
 
 
 def test_an_answer_of_another_process_is_found_by_its_address() -> None:

@@ -26,7 +26,7 @@ SENDING = {
     415: "The body's charset is not known.",
 }
 PARTS: Failures = {
-    412: "The file is another by now, by If-Match or If-Unmodified-Since.",
+    412: Reply("The file is another by now, by If-Match or If-Unmodified-Since.", None),
     416: Reply("The file has no such part.", None),
 }
 DIGITS = re.compile(r"\[0-9\]\{1,(\d+)\}")

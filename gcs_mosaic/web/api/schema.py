@@ -17,10 +17,8 @@ Schema = dict[str, Any]
 NAMES = {int: "integer", float: "number", str: "string", bool: "boolean", NoneType: "null"}
 WORDS = {"least": "minimum", "most": "maximum", "shortest": "minLength", "longest": "maxLength", "pattern": "pattern"}
 SUFFIXES = ("Answer", "Body", "Document", "Entry")  # of classes that others of the program share a name with but for it
-ASKED = (
-    "Body",
-    "Query",
-)  # what has a default need not be sent; of what is told only None is left out, where it is the default
+# What has a default need not be sent; of what is told only None is left out, where it is the default.
+ASKED = ("Body", "Query")
 
 
 class Schemas:

@@ -30,8 +30,9 @@ def declarations(operations: Iterable[Operation]) -> str:
     spoken = [one for one in operations if not isinstance(one.answer.content, Media)]
     answers = [line for one in spoken for line in _lines(one, _answer(one, schemas))]
     bodies = [line for one in spoken if one.body for line in _lines(one, type_of(schemas.of(one.body)))]
-    for content in (one.answer.content for one in operations):
-        _ = [*map(schemas.of, content.kinds)] if isinstance(content, Lines) else []
+    lines = (one.answer.content for one in operations if isinstance(one.answer.content, Lines))
+    for kind in (kind for content in lines for kind in content.kinds):
+        schemas.of(kind)
     interfaces = [_interface(name, schema) for name, schema in sorted(schemas.named.items())]
     tables = [
         f"  interface {name} {{\n{''.join(lines)}  }}\n" for name, lines in (("Answers", answers), ("Bodies", bodies))
