@@ -39,8 +39,8 @@ class Alignment:
     """`pairs`: places of a shot and its file, in order. `shifts`: by how many shots later (or earlier) each file may as well
     belong; `unsure`: how many pairs that concerns. `told_by`: the rulers, for display.
 
-    `sure`: those of `pairs` that are to be made, each by itself being likelier than what there is; `refuted`: those so far that
-    are less likely than none; `contested`: how many pairs so far are less likely, but not by as much."""
+    Of the changes from the pairs so far, each judged by itself: `sure` are surely to be made, `refuted` to be undone, and so many
+    are `contested`: what there is is less likely, but not by enough."""
 
     pairs: list[tuple[int, int]]
     shifts: tuple[int, ...]
@@ -91,21 +91,9 @@ def align(
     if not best.told_by and not is_whole:
         unsure = len(pairs)  # some are lost, and nothing tells which
     likely = rows.likely(best)
-    changes = rows.changes(best, likely, known)
-    allowed = likely.intersection(*(_allowed(one, likely) for one in rivals))
-    better = [one for one in changes if one.gain > SURE and one.made <= allowed]
+    sure, refuted, contested = _settled(rows.changes(best, likely, known), rivals)
     return Alignment(
-        pairs=sorted(likely),
-        shifts=tuple(sorted(shifts)),
-        unsure=unsure,
-        told_by=best.told_by,
-        score=best.score,
-        better_by=better_by,
-        sure=frozenset(pair for one in better for pair in one.made),
-        refuted=frozenset(pair for one in better for pair in one.undone),
-        contested=sum(
-            max(len(one.made), len(one.undone)) for one in changes if one.undone and one.gain > 0 and one not in better
-        ),
+        sorted(likely), tuple(sorted(shifts)), unsure, best.told_by, best.score, better_by, sure, refuted, contested
     )
 
 
@@ -210,7 +198,7 @@ class _Rows:
         mended = self.explain(known)
         better = best.score - self.score_of(known)
         if _apart(best, mended) == 0:
-            return better  # their own zeros tell it
+            return better  # by the zeros of the known ones themselves, so by no luck
         better -= _lucky(best.file_of, known, self._files)
         return min(better, best.score - mended.score - _lucky(best.file_of, mended.file_of, self._files))
 
@@ -251,6 +239,17 @@ def _lucky(best: Places, other: Places, files: int) -> float:
     more = int((best >= 0).sum() - (other >= 0).sum())
     lost = len(best) + files - 2 * int((best >= 0).sum())
     return _MORE * min(max(more, 0), _BY_CHANCE * float(np.sqrt(lost)))
+
+
+def _settled(changes: Sequence[_Change], rivals: Sequence[_Explained]) -> tuple[Pairs, Pairs, int]:
+    """What is surely to be made and undone, and how many pairs may be wrong."""
+    every = frozenset(pair for one in changes for pair in one.made)
+    allowed = every.intersection(*(_allowed(rival, every) for rival in rivals))
+    surely = [one for one in changes if one.gain > SURE and one.made <= allowed]
+    perhaps = [one for one in changes if one.undone and one.gain > 0 and one not in surely]
+    made = frozenset(pair for one in surely for pair in one.made)
+    undone = frozenset(pair for one in surely for pair in one.undone)
+    return made, undone, sum(max(len(one.made), len(one.undone)) for one in perhaps)
 
 
 def _pairs(file_of: Places) -> list[tuple[int, int]]:
