@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from hashlib import blake2b
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 FEEDBACK_WRAP_S = 2**32 / 1e6  # ArduPilot stores CAMERA_FEEDBACK's time since boot as 32-bit microseconds
 HIGHEST_SYSTEM = 255  # of MAVLink system ids; 0 is nobody's
@@ -176,8 +176,8 @@ class Refusals:
     """Packets rejected because of their signature; all 0 if no key is set."""
 
     unsigned: int = 0
-    forged: int = 0  # signed with another key, or altered in transit
-    replayed: int = 0  # signed with our key, but not newer than the last packet
+    forged: Annotated[int, "signed with another key, or altered in transit"] = 0
+    replayed: Annotated[int, "signed with our key, but not newer than the last packet"] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

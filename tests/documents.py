@@ -3,23 +3,51 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jsonschema import Draft202012Validator
 
+from gcs_mosaic.store.told_documents import JournalHead, MosaicDocument, PlacementsDocument, StatusDocument
+from gcs_mosaic.web.api.schema import Schemas
+
+TOLD = {"mosaic.json": MosaicDocument, "placements.json": PlacementsDocument, "status.json": StatusDocument}
 LISTS = ("frames", "covered", "rejected", "waiting")
+
+
+def document_at(path: Path) -> dict[str, Any]:
+    """One of a flight's documents; the test fails if it is other than it is described."""
+    told: dict[str, Any] = json.loads(path.read_bytes())
+    assert misfits(TOLD[path.name], told) == []
+    return told
+
+
+def misfits(kind: type, told: Any) -> list[str]:
+    """How a document is other than it is described."""
+    found = validator(kind).iter_errors(told)
+    return [f"{'/'.join(map(str, one.absolute_path))}: {one.message[:300]}" for one in found]
+
+
+@cache
+def validator(kind: type) -> Draft202012Validator:
+    schemas = Schemas(closed=True)
+    schema = schemas.of(kind)
+    return Draft202012Validator(schema | {"components": {"schemas": schemas.named}})
 
 
 def placements(out: Path) -> dict[str, Any]:
     """What placements.json would say now: itself, and the lines of the journal that are newer."""
     lines = [json.loads(line) for line in journal_lines(out)]
-    document: dict[str, Any] = json.loads((out / "placements.json").read_bytes())
-    assert not lines or lines[0]["since"] <= document["revision"], "who reads in this order misses nothing"
+    assert [fault for line in lines[:1] for fault in misfits(JournalHead, line)] == []
+    assert [fault for line in lines[1:] for fault in misfits(PlacementsDocument, line)] == []
+    told = document_at(out / "placements.json")
+    assert not lines or lines[0]["since"] <= told["revision"], "who reads in this order misses nothing"
     for line in lines[1:]:
-        if line["revision"] > document["revision"]:
-            document = _followed(document, line)
-    return document
+        if line["revision"] > told["revision"]:
+            told = _followed(told, line)
+    return told
 
 
 def journal_lines(out: Path) -> list[bytes]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -21,6 +20,7 @@ from sitl.flight import plan
 from sitl.messages import Capture
 from sitl.path import Plan
 from sitl.vehicle import Vehicle
+from tests.documents import document_at
 from tests.ports import free_port
 
 LONGEST_WAIT_S = 120.0  # for anything at all on a busy machine
@@ -67,7 +67,7 @@ class Running:
         return (self.home / "said.txt").read_text()
 
     def document(self, name: str) -> dict[str, Any]:
-        return dict(json.loads((self.out / name).read_bytes()))
+        return document_at(self.out / name)
 
     def status(self) -> dict[str, Any]:
         return self.document("status.json")

@@ -1,6 +1,5 @@
 """At every revision the ledger, the documents, the tiles and the mosaic tell one story: with islands, a join and two cameras."""
 
-import json
 from contextlib import closing
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from gcs_mosaic.store import placements
 from gcs_mosaic.store.flight_store import StoreHooks, estimate_of_placement
 from gcs_mosaic.store.tiles import TileSettings, TileWriter
 from tests import documents
+from tests.documents import document_at
 from tests.frame_files import written
 
 pytestmark = pytest.mark.long
@@ -58,9 +58,7 @@ def assert_one_story(pipeline: Pipeline) -> None:
     for entry, placement in zip(document["frames"], placements, strict=True):
         assert (entry["name"], entry["island"]) == (placement.name, placement.island)
         assert np.allclose(entry["canvas_from_frame"], placement.canvas_from_frame, rtol=1e-6, atol=1e-6)
-    counts = {
-        island["id"]: island["frames"] for island in json.loads((recorder.out / "mosaic.json").read_text())["islands"]
-    }
+    counts = {island["id"]: island["frames"] for island in document_at(recorder.out / "mosaic.json")["islands"]}
     known = pipeline.mosaic.frame_counts()
     assert {island: count for island, count in counts.items() if count} == known
 
@@ -103,13 +101,13 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(
             pipeline.save()
             assert_one_story(pipeline)
             assert_tiles_show_the_ledger(pipeline, images, tmp_path / f"anew-{frame.name}")
-            listed_late += json.loads((out / "placements.json").read_bytes())["revision"] < pipeline.store.revision
+            listed_late += document_at(out / "placements.json")["revision"] < pipeline.store.revision
             islands.add(tuple(sorted(pipeline.mosaic.frame_counts().values())))
         for _ in pipeline.finish():
             pipeline.save()
         pipeline.save()
         assert_one_story(pipeline)
-        assert json.loads((out / "placements.json").read_bytes())["revision"] == pipeline.store.revision
+        assert document_at(out / "placements.json")["revision"] == pipeline.store.revision
         assert listed_late, "some revisions are told by the journal alone"
         assert_tiles_show_the_ledger(pipeline, images, tmp_path / "anew")
         assert len(pipeline.mosaic.placements()) == len(flight)

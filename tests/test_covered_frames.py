@@ -17,6 +17,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
+from tests.documents import document_at
 from tests.settings import load_config
 from tests.sure import sure
 
@@ -54,14 +55,14 @@ def test_the_accounts_close_and_the_originals_are_kept(stitched: Path) -> None:
         covered = ledger.frames(FrameState.COVERED)
         painted = {one.name for one in ledger.painted(0)}
     assert (account.placed, account.covered, sum(asdict(account).values())) == (6, 3, 9)
-    assert json.loads((stitched / "mosaic.json").read_bytes())["frames"]["covered"] == 3
+    assert document_at(stitched / "mosaic.json")["frames"]["covered"] == 3
     assert [frame.name for frame in covered] == ["31.png", "32.png", "33.png"]
     assert all((stitched / sure(frame.original)).stat().st_size == frame.size for frame in covered)
     assert painted == {f"{number}0.png" for number in range(6)}
 
 
 def test_covered_frames_are_listed_where_they_lie(stitched: Path) -> None:
-    document = json.loads((stitched / "placements.json").read_bytes())
+    document = document_at(stitched / "placements.json")
     keyframe = next(frame for frame in document["frames"] if frame["name"] == "30.png")
     assert len(document["frames"]) == 6
     assert [entry["name"] for entry in document["covered"]] == ["31.png", "32.png", "33.png"]

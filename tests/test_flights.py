@@ -15,6 +15,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from sitl.messages import position
 from sitl.score import Score, score
 from sitl.truth import Truth, read
+from tests.documents import document_at
 from tests.ports import free_port
 
 TIMEOUT_S = 240
@@ -46,7 +47,7 @@ def fly(tmp_path: Path, *options: str) -> Flown:
     assert done.returncode == 0, done.stdout + done.stderr
     assert "against the truth" in done.stdout, done.stdout + done.stderr
     placements = json.loads(out.with_name("mosaic-placements.json").read_text())
-    documents = [json.loads((out / name).read_text()) for name in ("mosaic.json", "status.json")]
+    documents = [document_at(out / name) for name in ("mosaic.json", "status.json")]
     return Flown(done.stdout + done.stderr, out, score(read(truth), placements), *documents)
 
 

@@ -34,7 +34,7 @@ ALLOWED = {
         "processes",  # it adjusts in a process of its own
     },
     "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
-    "baseline": {"render", *STITCH - {"stitch.mosaic"}},
+    "baseline": {"render", *STITCH},
     "geo": {"errors"},
     "mavlink": {"messages", "errors"},
     "triggers": {"messages"},
@@ -162,6 +162,7 @@ def parts_of(path: Path) -> tuple[str, ...]:
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_room_imports_only_what_lies_below_it(path: Path) -> None:
     here = room(parts_of(path))

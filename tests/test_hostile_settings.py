@@ -57,6 +57,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_settings_are_refused_in_one_short_line_and_at_once(tmp_path: Path, name: str) -> None:
     """10 kB of brackets brought a traceback of 204 kB; aliases under `decode` were written out for a minute."""

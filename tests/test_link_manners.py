@@ -92,6 +92,7 @@ def test_missing_pictures_are_told_to_the_ground_station(flown: tuple[Running, d
     assert "without frame" in flown[1]["STATUSTEXT"].text
 
 
+@pytest.mark.long
 def test_another_aircraft_is_counted_and_named_and_not_mixed_in(flown: tuple[Running, dict[str, Any]]) -> None:
     flight, _ = flown
     link = flight.status()["mavlink"][0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from contextlib import ExitStack
 from pathlib import Path
@@ -22,7 +21,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from sitl.flight import plan
 from sitl.path import Plan
-from tests.documents import placements
+from tests.documents import document_at, placements
 from tests.ports import free_port
 from tests.rebuilt import assert_explained
 from tests.running import frames_of, until
@@ -64,7 +63,7 @@ class Flight:
         """A frame has been processed."""
         self.worked.append(number_of(name))
         self.late.append(self.came[-1] - max(self.worked))
-        status = json.loads((self.out / "status.json").read_bytes())
+        status = document_at(self.out / "status.json")
         self.told.append((status["frames_in_queue"], status["seconds_behind"]))
 
 

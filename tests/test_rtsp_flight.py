@@ -144,6 +144,7 @@ def stream_at(url: str) -> mavlink.MAVLink_message:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -190,7 +190,8 @@ def serve_it(trick: Trick, flight: Path, outside: Path, tmp_path: Path) -> None:
 
 def described(url: str, status: int, answer: Any) -> tuple[int, bytes]:
     data: bytes = answer.read()
-    assert faults_at(url, status, answer.headers.get_content_type(), data) == []
+    told = data if "/api/" in url else None  # documents are answered as the stranger has left them
+    assert faults_at(url, status, answer.headers.get_content_type(), told) == []
     return status, data
 
 

@@ -49,6 +49,7 @@ def test_no_function_is_too_long_to_read(known: list[Path]) -> None:
     assert not {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION}
 
 
+@pytest.mark.long
 def test_a_class_name_has_one_meaning() -> None:
     """Names with an underscore are a module's own affair."""
     homes = defaultdict[str, list[str]](list)

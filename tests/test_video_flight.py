@@ -22,6 +22,7 @@ from gcs_mosaic.frames.video.reading import VideoReading
 from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
+from tests.documents import document_at
 from tests.frames.video.films import (
     HEIGHT,
     MOST_PIXELS,
@@ -50,7 +51,7 @@ def states(out: Path) -> dict[str, str]:
 
 
 def placements(out: Path) -> list[dict[str, Any]]:
-    return list(json.loads((out / "placements.json").read_bytes())["frames"])
+    return list(document_at(out / "placements.json")["frames"])
 
 
 @pytest.mark.long

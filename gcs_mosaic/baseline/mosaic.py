@@ -1,4 +1,4 @@
-"""The paper's mosaic: frames in, placements out, with the interface of `gcs_mosaic.Mosaic`.
+"""The paper's mosaic: frames in, placements out.
 
 A frame is matched with the region of interest of the painted mosaic, blended into it, and never moved again.
 """
@@ -26,10 +26,10 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.neighbours import region_of_interest
-from gcs_mosaic.stitch.graph.placement import Covered, Placement, Rejection, Waiting
-from gcs_mosaic.stitch.graph.tearing import HeldOut
+from gcs_mosaic.stitch.graph.placement import Placement, Rejection
 from gcs_mosaic.stitch.mapping.islands import Island
-from gcs_mosaic.stitch.transaction import Kept, transaction
+from gcs_mosaic.stitch.mosaic import Mosaic
+from gcs_mosaic.stitch.transaction import transaction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,17 +46,20 @@ class PaperSettings:
     most_megapixels: float = 400.0
 
 
-class PaperMosaic(Kept):
+class PaperMosaic(Mosaic):
     """Places frames on one growing image. All frames are reduced by `reduction`, a power of two.
+
+    The view graph stays empty: nothing waits, is covered, compared or adjusted.
 
     `seconds`: time spent on the last frame, by the stages of the paper's tables. A call that raises changes nothing else.
     """
 
+    in_order = True
+
     def __init__(self, settings: PaperSettings | None = None, reduction: int = 1) -> None:
-        self.settings = settings or PaperSettings()
+        super().__init__()
+        self.recipe = settings or PaperSettings()
         self.raster = Raster(reduction)
-        self.islands: list[Island] = []
-        self.problem: str | None = None
         self.seconds: dict[str, float] = {}
         self._reduction = reduction
         self._placed: dict[str, Placement] = {}
@@ -78,7 +81,7 @@ class PaperMosaic(Kept):
 
     def features_of(self, image: Bands) -> Features:
         """A. Features of the frame."""
-        return frame_features(image, self.settings.features, self._reduction)
+        return frame_features(image, self.recipe.features, self._reduction)
 
     def place(
         self, features: Features, name: str, order: int | None = None, aircraft: int | None = None
@@ -94,14 +97,11 @@ class PaperMosaic(Kept):
         with self._timed("features"):
             region = self._region_of_interest(self._last)
         with self._timed("matching"):
-            matches = ratio_matches(features.descriptors, region.descriptors, self.settings.ratio)
+            matches = ratio_matches(features.descriptors, region.descriptors, self.recipe.ratio)
         with self._timed("stitching"):
             frame, mosaic = self._reduced(features.points[matches[:, 0]]), region.points[matches[:, 1]]
-            fit = fit_homography(name, frame, mosaic, self.settings.threshold_px, self.settings.least_inliers)
+            fit = fit_homography(name, frame, mosaic, self.recipe.threshold_px, self.recipe.least_inliers)
         return fit if isinstance(fit, Rejection) else self._believed(features, name, fit)
-
-    def anchor_drawn_pose(self, name: str, pose: Pose, camera: Camera) -> None:
-        """Nothing to do: what is drawn stays where it is."""
 
     def paint(self, image: Bands, name: str) -> set[Tile]:
         """D. Blend a placed frame into the mosaic; returns the tiles that changed."""
@@ -114,9 +114,8 @@ class PaperMosaic(Kept):
             return self.raster.tiles(box)
 
     def _founder(self, features: Features, name: str) -> Placement | Rejection:
-        if len(features) < self.settings.least_inliers:  # nothing could ever be matched with it
+        if len(features) < self.recipe.least_inliers:  # nothing could ever be matched with it
             return Rejection(name, f"too little to see: {len(features)} features")
-        self.islands = [Island(0)]
         return self._settled(features, name, Fit(np.eye(3), 0, math.nan))
 
     def _region_of_interest(self, last: RasterBox) -> Found:
@@ -124,7 +123,7 @@ class PaperMosaic(Kept):
         if self._region is None:
             wanted = region_of_interest(np.array(last, dtype=np.float64))
             window = RasterBox(*np.rint(wanted).astype(int).tolist()).cut(self.raster.window)
-            found = region_features(*self.raster.part(window), self.settings.features)
+            found = region_features(*self.raster.part(window), self.recipe.features)
             self._region = Found(np.add(found.points, [window.left, window.top]), found.descriptors)
         return self._region
 
@@ -135,13 +134,13 @@ class PaperMosaic(Kept):
         if box is None:
             return Rejection(name, "its homography puts a part of it beyond the horizon, or turns it over")
         growth = box.pixels / (width * height)
-        if growth > self.settings.largest_growth:
+        if growth > self.recipe.largest_growth:
             return Rejection(
-                name, f"it would cover {growth:.0f} times its own pixels, {self.settings.largest_growth:g} allowed"
+                name, f"it would cover {growth:.0f} times its own pixels, {self.recipe.largest_growth:g} allowed"
             )
         megapixels = self.raster.window_with(box).pixels / 1e6
-        if megapixels > self.settings.most_megapixels:
-            text = f"the mosaic would have {megapixels:.3g} megapixels, {self.settings.most_megapixels:g} allowed"
+        if megapixels > self.recipe.most_megapixels:
+            text = f"the mosaic would have {megapixels:.3g} megapixels, {self.recipe.most_megapixels:g} allowed"
             return Rejection(name, text)
         return self._settled(features, name, fit)
 
@@ -208,6 +207,11 @@ class PaperMosaic(Kept):
 
     # State over all frames
 
+    @property
+    def islands(self) -> list[Island]:
+        """The one island, once it is founded."""
+        return [Island(0)] if self._placed else []
+
     def placements(self) -> list[Placement]:
         """All placed frames, in order of arrival."""
         return list(self._placed.values())
@@ -216,49 +220,10 @@ class PaperMosaic(Kept):
         """Number of placed frames by island."""
         return {0: len(self._placed)} if self._placed else {}
 
-    def covered(self) -> list[Covered]:
-        """No frame is left out for another."""
-        return []
-
-    def note_whole(self, preview: str, whole: str) -> None:
-        """No frame is left out for another."""
-
-    def replaced(self) -> list[tuple[Covered, tuple[int, int]]]:
-        """No frame is left out for another."""
-        return []
-
-    def waiting(self) -> list[Waiting]:
-        """No frame waits."""
-        return []
-
-    def held_out(self) -> dict[int, HeldOut]:
-        """No matches are held out."""
-        return {}
-
     def moved(self) -> list[Placement]:
         """All placements that are new since the last call."""
         moved, self._moved = self._moved, []
         return moved
-
-    # Not part of the paper's method
-
-    def retry_waiting(self) -> None:
-        """No frames wait."""
-
-    def adjust(self, *, everything: bool = False) -> None:
-        """No frames are moved."""
-
-    def connect_some(self) -> bool:
-        """No frames wait, and there is only one island."""
-        return False
-
-    def adjust_in_a_pause(self) -> bool:
-        """Nothing runs in the background."""
-        return False
-
-    def finish(self) -> list[Rejection]:
-        """Unmatched frames were rejected on arrival."""
-        return []
 
 
 def footprint_window(mosaic_from_frame: Matrix3x3, width: int, height: int) -> RasterBox | None:

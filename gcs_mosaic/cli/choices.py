@@ -14,6 +14,12 @@ from gcs_mosaic.mavlink.settings import Listening
 from gcs_mosaic.stitch.features.detectors import is_available
 
 COMMAND_LINE = "the command line"
+# Arguments that only the default method knows.
+NOT_OF_PAPER = {
+    "blend": "--method paper blends as the paper says: leave out --blend",
+    "debug": "--debug shows how the default method decides: leave it out with --method paper",
+    "archive": "reprocess knows the default method only: leave out `method: paper`, or use gcs-mosaic stitch",
+}
 _FEATURES = ("stitch.features.kind", "paper.features")
 
 
@@ -23,13 +29,12 @@ def config_of(given: argparse.Namespace) -> Config:
     config = told_by(config, names_given(given), COMMAND_LINE)
     if getattr(given, "features", None):
         config = told_by(config.with_features(given.features), _FEATURES, COMMAND_LINE)
-    if config.method == "paper" and getattr(given, "blend", None):
-        raise UsageError("--method paper blends as the paper says: leave out --blend")
-    if config.method == "paper" and getattr(given, "debug", None):
-        raise UsageError("--debug shows how the default method decides: leave it out with --method paper")
     if not is_available(config.features):
         raise UsageError("SURF features need the package mahotas: pip install 'gcs-mosaic[surf]', or use sift or orb")
-    if config.stitch.features.model is not None and config.method != "paper":
+    if config.method == "paper":
+        if asked := [why for argument, why in NOT_OF_PAPER.items() if getattr(given, argument, None)]:
+            raise UsageError(asked[0])
+    elif config.stitch.features.model is not None:
         try_model(config.stitch.features.model)
     return config
 

@@ -105,8 +105,6 @@ def reprocess(given: argparse.Namespace) -> None:
     from gcs_mosaic.archive.reprocess import Request, reprocess
 
     config = config_of(given)
-    if config.method == "paper":
-        raise UsageError("reprocess knows the default method only: leave out `method: paper`, or use gcs-mosaic stitch")
     restrict(config.permissions)
     where = {"cluster": given.cluster, "workers": given.workers, "dashboard": given.dashboard}
     request = Request(tuple(given.archive), given.out, **where)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from gcs_mosaic.render.displacement import displacement
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.levels import PaintingLevels
-from gcs_mosaic.render.pyramid import LoadTile
 from gcs_mosaic.render.render_list import RenderItem, TileKey, brightness_apart
 from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
@@ -29,8 +27,6 @@ from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, without_border
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept
-
-LoadImage = Callable[[str], Bands | None]
 
 BRIGHTNESS = ("as_taken", "auto")
 CHECKED_AT_ONCE = 64  # frames whose displacement is checked between two new frames: some hundredths of a second
@@ -74,7 +70,7 @@ class Step:
 
 
 class RepaintQueue(Kept):
-    """The canvas, and the queue of what is to be painted on it.
+    """The queue of what is to be painted on a canvas, which it closes.
 
     `record(painted)` is called whenever a frame is painted or is to be repainted, before its tiles change. If not `live`, new
     frames wait for repainting.
@@ -84,18 +80,16 @@ class RepaintQueue(Kept):
 
     def __init__(
         self,
-        load_image: LoadImage,
+        canvas: TileCompositor,
         record: Callable[[RenderItem], None],
         settings: PaintSettings,
-        scratch: Path | None = None,
         *,
         live: bool = True,
-        load_tile: LoadTile | None = None,
     ) -> None:
         self._settings = settings
         self._live = live
         self._record = record
-        self.canvas = TileCompositor(load_image, settings.canvas, scratch=scratch, load_tile=load_tile)
+        self.canvas = canvas
         self._painted: dict[str, RenderItem] = {}
         self._ranges = CameraRanges(settings.bands, lighten=settings.brightness == "auto")
         self._refitted = False  # whether parts of the map may still show a range that was fitted anew since

@@ -72,6 +72,7 @@ class Mosaic(Kept):
     """
 
     FIXED = frozenset({"settings", "_search", "_covering", "_assembly", "_observer"})
+    in_order = False  # whether each frame has to overlap the one placed before it
 
     def __init__(
         self,

@@ -1,27 +1,48 @@
-"""JSON files that other programs read while they are being written."""
+"""JSON files that other programs read while they are being written: dataclasses whose annotations tell units and limits.
+
+A field that has None as its default is left out while it is that.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from gcs_mosaic.store.disk import write_beside
-
-FORMAT = 1  # of every JSON file in the output folder; raised on incompatible changes
 
 Document = dict[str, object]
 
 
-def write_json(path: Path, document: Document) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What a value may be that is asked or answered, beside its type in an annotation."""
+
+    least: float | None = None
+    most: float | None = None
+    shortest: int | None = None  # characters
+    longest: int | None = None
+    pattern: str | None = None  # of the whole text
+    lines: bool = False  # a text may have line ends
+
+
+def write_json(path: Path, document: object) -> None:
     """Write a document atomically. Raises DiskFull, and ValueError for NaN or infinity."""
     write_beside(path, compact(document).encode("ascii"))
 
 
-def compact(document: Document) -> str:
+def compact(document: object) -> str:
     """JSON on one line, in ASCII. Raises ValueError for NaN or infinity."""
-    return json.dumps(document, allow_nan=False, separators=(",", ":"))
+    return json.dumps(document, allow_nan=False, separators=(",", ":"), default=told_of)
+
+
+def told_of(value: Any) -> dict[str, Any]:
+    """What `json.dumps` makes a dataclass of: `from_` is `from`. Raises TypeError for anything else."""
+    told = ((one, getattr(value, one.name)) for one in fields(value))
+    return {one.name.rstrip("_"): each for one, each in told if each is not None or one.default is not None}
 
 
 def finite(value: float) -> float | None:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from gcs_mosaic.stitch.graph.tearing import HeldOut
-from gcs_mosaic.store.documents import Document, finite
+from gcs_mosaic.store.documents import finite, told_of
+from gcs_mosaic.store.told_documents import HeldOutEntry
 
 Figures = Mapping[int, HeldOut]  # by island
 
@@ -17,11 +18,8 @@ def largest(figures: Figures, count: int) -> Figures:
     return dict(sorted(most))
 
 
-def held_out_entry(found: HeldOut | None) -> Document | None:
-    """In pixels of the island's median frame; None (null) while unknown."""
-    if found is None:
-        return None
-    return {"median": _rounded(found.median_px), "p95": _rounded(found.p95_px), "matches": found.matches}
+def held_out_entry(found: HeldOut) -> HeldOutEntry:
+    return HeldOutEntry(median=_rounded(found.median_px), p95=_rounded(found.p95_px), matches=found.matches)
 
 
 def held_out_words(island: object, entry: dict[str, Any]) -> str:
@@ -32,8 +30,7 @@ def held_out_words(island: object, entry: dict[str, Any]) -> str:
 
 def held_out_lines(figures: Figures) -> list[str]:
     """The islands' held-out errors, one line each."""
-    entries = ((island, held_out_entry(found)) for island, found in figures.items())
-    return [held_out_words(island, entry) for island, entry in entries if entry is not None]
+    return [held_out_words(island, told_of(held_out_entry(found))) for island, found in figures.items()]
 
 
 def _rounded(px: float) -> float | None:

@@ -22,11 +22,9 @@ from gcs_mosaic.store.records import (
     Accounts,
     CoveredRecord,
     Estimate,
-    EventAccount,
     EventRecord,
     EventState,
     FlightRecord,
-    FrameAccount,
     FrameRecord,
     FrameState,
     IslandRecord,
@@ -62,6 +60,7 @@ from gcs_mosaic.store.rows import (
     support_row,
 )
 from gcs_mosaic.store.stored_text import stored
+from gcs_mosaic.store.told_documents import EventAccount, FrameAccount
 
 
 class Ledger(LedgerFile):

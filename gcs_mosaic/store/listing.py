@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_frame
 from gcs_mosaic.stitch.graph.placement import Homography
-from gcs_mosaic.store.documents import FORMAT, Document, compact, finite
+from gcs_mosaic.store.documents import compact, finite
 from gcs_mosaic.store.records import CoveredRecord, Estimate
+from gcs_mosaic.store.told_documents import (
+    FORMAT,
+    CoveredEntry,
+    FrameEntry,
+    Matrix,
+    PlacementsHead,
+    RejectedEntry,
+    WaitingEntry,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,9 +63,9 @@ class Listing:
         """Add news; returns the names of the frames concerned."""
         told: dict[str, _Entry] = {}
         for name, reason in news.rejected.items():
-            told[name] = _Unplaced("rejected", compact({"name": name, "reason": reason}))
+            told[name] = _Unplaced("rejected", compact(RejectedEntry(name=name, reason=reason)))
         for name in news.waiting:
-            told[name] = _Unplaced("waiting", compact({"name": name}))
+            told[name] = _Unplaced("waiting", compact(WaitingEntry(name=name)))
         for estimate in news.estimates:
             told[estimate.name] = _Placed(estimate, compact(frame_entry(estimate)))
         for covered in news.covered:
@@ -81,13 +90,13 @@ class Listing:
                     lists[kind].append(text)
                 case covered:
                     lists["covered"].append(compact(covered_entry(covered, self._estimate(covered.by))))
-        head: Document = {
-            "format": FORMAT,
-            "revision": revision,
-            "newest": self._newest,
-            **({"newest_of": {str(one): name for one, name in self._newest_of.items()}} if self._newest_of else {}),
-            "cameras": [*map(asdict, cameras)],
-        }
+        head = PlacementsHead(
+            format=FORMAT,
+            revision=revision,
+            newest=self._newest,
+            newest_of={str(one): name for one, name in self._newest_of.items()} or None,
+            cameras=[*cameras],
+        )
         parts = (f'"{kind}":[{",".join(texts)}]' for kind, texts in lists.items())
         return f"{compact(head)[:-1]},{','.join(parts)}}}"
 
@@ -96,48 +105,42 @@ class Listing:
         return entry.estimate if isinstance(entry, _Placed) else None
 
 
-def frame_entry(estimate: Estimate) -> Document:
+def frame_entry(estimate: Estimate) -> FrameEntry:
     """A placed frame's entry, without its camera."""
     deviation = estimate.corner_deviation_px
     placed = canvas_from_frame(estimate.pose, estimate.camera).tolist()
-    return {
-        "name": estimate.name,
-        **vehicle_entry(estimate.vehicle),
-        "island": estimate.island,
-        "canvas_from_frame": estimate.homography or placed,
-        "width": estimate.camera.width,
-        "height": estimate.camera.height,
-        "inliers": estimate.inliers,
-        "residual_px": None if estimate.residual_px is None else finite(estimate.residual_px),
-        "neighbours": estimate.neighbours,
-        "hops": estimate.hops,
-        "corner_deviation_px": None if deviation is None else finite(deviation),
-        "focal_log_deviation": estimate.focal_log_deviation,
-    }
+    return FrameEntry(
+        name=estimate.name,
+        vehicle=estimate.vehicle,
+        island=estimate.island,
+        canvas_from_frame=cast("Matrix", estimate.homography or placed),
+        width=estimate.camera.width,
+        height=estimate.camera.height,
+        inliers=estimate.inliers,
+        residual_px=None if estimate.residual_px is None else finite(estimate.residual_px),
+        neighbours=estimate.neighbours,
+        hops=estimate.hops,
+        corner_deviation_px=None if deviation is None else finite(deviation),
+        focal_log_deviation=estimate.focal_log_deviation,
+    )
 
 
-def vehicle_entry(vehicle: int | None) -> Document:
-    """The aircraft of a frame, where each has a source of its own; nothing in all other flights."""
-    return {} if vehicle is None else {"vehicle": vehicle}
-
-
-def covered_entry(covered: CoveredRecord, keyframe: Estimate | None) -> Document:
+def covered_entry(covered: CoveredRecord, keyframe: Estimate | None) -> CoveredEntry:
     """A covered frame's entry; it moves with its keyframe."""
-    return {
-        "name": covered.name,
-        **vehicle_entry(covered.vehicle),
-        "covered_by": covered.by,
-        "keyframe_from_frame": covered.by_from_frame,
-        "island": keyframe.island if keyframe else None,
-        "canvas_from_frame": followed(keyframe.pose, keyframe.camera, covered.by_from_frame) if keyframe else None,
-        "width": covered.width,
-        "height": covered.height,
-    }
+    return CoveredEntry(
+        name=covered.name,
+        vehicle=covered.vehicle,
+        covered_by=covered.by,
+        keyframe_from_frame=cast("Matrix", covered.by_from_frame),
+        island=keyframe.island if keyframe else None,
+        canvas_from_frame=followed(keyframe.pose, keyframe.camera, covered.by_from_frame) if keyframe else None,
+        width=covered.width,
+        height=covered.height,
+    )
 
 
 @lru_cache(maxsize=65536)
-def followed(pose: Pose, camera: Camera, by_from_frame: Homography) -> list[list[float]]:
+def followed(pose: Pose, camera: Camera, by_from_frame: Homography) -> Matrix:
     """`canvas_from_frame` of a covered frame for this keyframe pose; cached, because most keyframes do not move."""
     canvas_from_covered = canvas_from_frame(pose, camera) @ np.array(by_from_frame)
-    rows: list[list[float]] = (canvas_from_covered / canvas_from_covered[2, 2]).tolist()
-    return rows
+    return cast("Matrix", (canvas_from_covered / canvas_from_covered[2, 2]).tolist())

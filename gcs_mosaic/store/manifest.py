@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.stitch.graph.tearing import HeldOut
-from gcs_mosaic.store.documents import FORMAT, Document, iso_utc, write_json
+from gcs_mosaic.store.documents import iso_utc, write_json
 from gcs_mosaic.store.held_out import held_out_entry
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.placements import Placements
 from gcs_mosaic.store.records import Accounts
 from gcs_mosaic.store.revision import last_revision
+from gcs_mosaic.store.told_documents import FORMAT, IslandDocument, MosaicDocument
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,29 +81,30 @@ class Manifest:
         self._placements.close()
 
 
-def mosaic_document(contents: Contents, revision: int) -> Document:
+def mosaic_document(contents: Contents, revision: int) -> MosaicDocument:
     """The content of mosaic.json."""
-    return {
-        "format": FORMAT,
-        "flight": contents.flight,
-        "revision": revision,
-        "tile_size": TILE_SIZE,
-        "islands": [island_entry(island) for island in contents.islands],
-        "events": asdict(contents.accounts.events),
-        "frames": asdict(contents.accounts.frames),
-        "orphans": contents.accounts.orphans,
-        "updated": iso_utc(contents.updated_utc),
-    }
+    return MosaicDocument(
+        format=FORMAT,
+        flight=contents.flight,
+        revision=revision,
+        tile_size=TILE_SIZE,
+        islands=[island_entry(island) for island in contents.islands],
+        events=contents.accounts.events,
+        frames=contents.accounts.frames,
+        orphans=contents.accounts.orphans,
+        updated=iso_utc(contents.updated_utc),
+    )
 
 
-def island_entry(island: IslandEntry) -> Document:
-    entry: Document = {
-        "id": island.id,
-        "bounds": [float(edge) for edge in island.bounds],
-        "minzoom": island.minzoom,
-        "maxzoom": island.maxzoom,
-        "frames": island.frames,
-        "held_out_px": held_out_entry(island.held_out),
-        "tiles": f"tiles/{island.id}/{{z}}/{{x}}/{{y}}.jpg",
-    }
-    return entry if island.merged_into is None else entry | {"merged_into": island.merged_into}
+def island_entry(island: IslandEntry) -> IslandDocument:
+    left, top, right, bottom = map(float, island.bounds)
+    return IslandDocument(
+        id=island.id,
+        bounds=(left, top, right, bottom),
+        minzoom=island.minzoom,
+        maxzoom=island.maxzoom,
+        frames=island.frames,
+        held_out_px=held_out_entry(island.held_out) if island.held_out else None,
+        tiles=f"tiles/{island.id}/{{z}}/{{x}}/{{y}}.jpg",
+        merged_into=island.merged_into,
+    )

@@ -12,9 +12,10 @@ from pathlib import Path
 
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import telling_disk_full, write_beside
-from gcs_mosaic.store.documents import FORMAT, compact
+from gcs_mosaic.store.documents import compact
 from gcs_mosaic.store.journal import JOURNAL_NAME
 from gcs_mosaic.store.listing import FrameNews, Listing
+from gcs_mosaic.store.told_documents import FORMAT, JournalHead
 
 WHOLE_NAME = "placements.json"
 WHOLE_EACH_S = 5.0  # maximum age of placements.json while frames arrive,
@@ -44,7 +45,7 @@ class Placements:
             begin_anew |= self._journal.exists() and self._journal.stat().st_size > JOURNAL_BYTES
         self._lost = True  # until it is done: a line may be torn
         if begin_anew:
-            since = compact({"format": FORMAT, "since": revision - 1})
+            since = compact(JournalHead(format=FORMAT, since=revision - 1))
             write_beside(self._journal, f"{since}\n{line}\n".encode("ascii"))
         else:
             append(self._journal, f"{line}\n".encode("ascii"))

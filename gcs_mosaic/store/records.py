@@ -10,6 +10,7 @@ from gcs_mosaic.render.compositor import CompositorSettings
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.placement import Homography
+from gcs_mosaic.store.told_documents import Count, EventAccount, FrameAccount, Severity
 
 
 class EventState(StrEnum):
@@ -148,36 +149,14 @@ class NoticeRecord:
 
     utc: float
     source: str
-    level: str
+    level: Severity
     text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EventAccount:
-    pending: int = 0
-    matched: int = 0
-    missing: int = 0
-    duplicate: int = 0
-    failed: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameAccount:
-    pending: int = 0
-    placed: int = 0
-    covered: int = 0
-    waiting: int = 0
-    rejected: int = 0
-    duplicate: int = 0
-    damaged: int = 0
-    dropped: int = 0
-    unstitched: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accounts:
     """How many events and frames are in each state. Every row of the ledger is counted exactly once."""
 
-    events: EventAccount = EventAccount()
-    frames: FrameAccount = FrameAccount()
-    orphans: int = 0  # frames in any state that no event announced
+    events: EventAccount = field(default_factory=EventAccount)
+    frames: FrameAccount = field(default_factory=FrameAccount)
+    orphans: Count = 0  # frames in any state that no event announced

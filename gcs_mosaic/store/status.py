@@ -5,24 +5,34 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, cast
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Aircraft, LinkReport, SourceReport
-from gcs_mosaic.store.documents import FORMAT, Document, finite, iso_utc
+from gcs_mosaic.store.documents import finite, iso_utc
 from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.store.held_out import Figures, held_out_entry, held_out_words
 from gcs_mosaic.store.reading import read_document
 from gcs_mosaic.store.records import Accounts, NoticeRecord
+from gcs_mosaic.store.told_documents import (
+    FORMAT,
+    AircraftEntry,
+    ConditionEntry,
+    DaemonState,
+    FleetMemberEntry,
+    LastFrameEntry,
+    LinkEntry,
+    NoticeEntry,
+    Outcome,
+    Severity,
+    StatusDocument,
+    WatchEntry,
+)
 
 HUNG_AFTER_S = 8.0  # a running daemon writes its status at least every two seconds
-
-# listening: no frame yet; flying: frames arriving; idle: none for a while; settling: last frames and final
-# painting; stopped: everything is written.
-DaemonState = Literal["listening", "flying", "idle", "settling", "stopped"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +72,7 @@ class Condition:
     """What is so now and wants to be known, in a sentence; `key` tells them apart."""
 
     key: str
-    level: Literal["info", "warning", "error"]
+    level: Severity
     text: str
     since_utc: float
 
@@ -87,102 +97,108 @@ class Status:
     notices: tuple[NoticeRecord, ...] = ()  # the newest few, oldest first
 
 
-def status_document(status: Status) -> Document:
-    """The content of status.json; times are in ISO 8601, UTC."""
-    return {
-        "format": FORMAT,
-        "flight": status.flight,
-        "state": status.state,
-        "updated": iso_utc(status.updated_utc),
-        "started": iso_utc(status.started_utc),
-        "revision": status.revision,
-        "mavlink": [link_entry(link) for link in status.mavlink],
-        "watch": watch_entry(status.watch) if status.watch else None,
-        "frames_in_queue": status.behind.frames,
-        "seconds_behind": round(status.behind.seconds, 1),
-        "last_frame": last_frame_entry(status.last_frame) if status.last_frame else None,
-        "events": asdict(status.accounts.events),
-        "frames": asdict(status.accounts.frames),
-        "orphans": status.accounts.orphans,
-        **({"aircraft": [fleet_entry(one) for one in status.aircraft]} if status.aircraft else {}),
-        "held_out_px": {str(island): held_out_entry(found) for island, found in status.held_out.items()},
-        "conditions": [condition_entry(one) for one in status.conditions],
-        "notices": [notice_entry(notice) for notice in status.notices],
-    }
+def status_document(status: Status) -> StatusDocument:
+    """The content of status.json."""
+    return StatusDocument(
+        format=FORMAT,
+        flight=status.flight,
+        state=status.state,
+        updated=iso_utc(status.updated_utc),
+        started=iso_utc(status.started_utc),
+        revision=status.revision,
+        mavlink=[link_entry(link) for link in status.mavlink],
+        watch=watch_entry(status.watch),
+        frames_in_queue=status.behind.frames,
+        seconds_behind=round(status.behind.seconds, 1),
+        last_frame=last_frame_entry(status.last_frame),
+        events=status.accounts.events,
+        frames=status.accounts.frames,
+        orphans=status.accounts.orphans,
+        aircraft=[fleet_entry(one) for one in status.aircraft] or None,
+        held_out_px={str(island): held_out_entry(found) for island, found in status.held_out.items()},
+        conditions=[condition_entry(one) for one in status.conditions],
+        notices=[notice_entry(notice) for notice in status.notices],
+    )
 
 
-def link_entry(link: LinkReport) -> Document:
-    return {
-        "address": link.address,
-        "state": link.state,
-        "last_heard": None if link.last_heard_utc is None else iso_utc(link.last_heard_utc),
-        "silences": link.silences,
-        "followed": link.followed,
-        **({"counted": [*link.counted]} if link.counted else {}),
-        "aircraft": [aircraft_entry(one) for one in link.aircraft],
-        "other_triggers": {str(system): count for system, count in link.others},
-        "refused": asdict(link.refused),
-        "sent": link.sent,
-    }
+def link_entry(link: LinkReport) -> LinkEntry:
+    return LinkEntry(
+        address=link.address,
+        state=link.state,
+        last_heard=moment(link.last_heard_utc),
+        silences=link.silences,
+        followed=link.followed,
+        counted=link.counted or None,
+        aircraft=[aircraft_entry(one) for one in link.aircraft],
+        other_triggers={str(system): count for system, count in link.others},
+        refused=link.refused,
+        sent=link.sent,
+    )
 
 
-def fleet_entry(one: AircraftStatus) -> Document:
+def fleet_entry(one: AircraftStatus) -> FleetMemberEntry:
     """One of several aircraft."""
-    return {
-        "system": one.system,
-        "watch": watch_entry(one.source) if one.source else None,
-        "frames_in_queue": one.behind.frames,
-        "seconds_behind": round(one.behind.seconds, 1),
-        "last_frame": last_frame_entry(one.last_frame) if one.last_frame else None,
-        "events": asdict(one.accounts.events),
-        "frames": asdict(one.accounts.frames),
-        "orphans": one.accounts.orphans,
-    }
+    return FleetMemberEntry(
+        system=one.system,
+        watch=watch_entry(one.source),
+        frames_in_queue=one.behind.frames,
+        seconds_behind=round(one.behind.seconds, 1),
+        last_frame=last_frame_entry(one.last_frame),
+        events=one.accounts.events,
+        frames=one.accounts.frames,
+        orphans=one.accounts.orphans,
+    )
 
 
-def aircraft_entry(aircraft: Aircraft) -> Document:
-    last_heard = None if aircraft.last_heard_utc is None else iso_utc(aircraft.last_heard_utc)
-    return {"system": aircraft.system, "described": aircraft.described, "last_heard": last_heard}
+def aircraft_entry(one: Aircraft) -> AircraftEntry:
+    return AircraftEntry(system=one.system, described=one.described, last_heard=moment(one.last_heard_utc))
 
 
-def watch_entry(source: SourceReport) -> Document:
+def watch_entry(source: SourceReport | None) -> WatchEntry | None:
     """The watched folder or the stream, as one entry."""
-    return {
-        "kind": source.kind,
-        "folder": source.name,
-        "state": source.state,
-        "since": None if source.since_utc is None else iso_utc(source.since_utc),
-        "last_seen": None if source.last_seen_utc is None else iso_utc(source.last_seen_utc),
-        "seen": source.seen,
-        "taken": source.taken,
-        "damaged": source.damaged,
-        "gaps": source.gaps,
-    }
+    return (
+        None
+        if source is None
+        else WatchEntry(
+            kind=source.kind,
+            folder=source.name,
+            state=source.state,
+            since=moment(source.since_utc),
+            last_seen=moment(source.last_seen_utc),
+            seen=source.seen,
+            taken=source.taken,
+            damaged=source.damaged,
+            gaps=source.gaps,
+        )
+    )
 
 
-def last_frame_entry(frame: LastFrame) -> Document:
-    return {
-        "name": frame.name,
-        "outcome": frame.outcome,
-        "reason": frame.reason,
-        "covered_by": frame.covered_by,
-        "island": frame.island,
-        "time": iso_utc(frame.utc),
-        "seconds_to_tile": None if frame.seconds_to_tile is None else finite(frame.seconds_to_tile),
-    }
+def last_frame_entry(frame: LastFrame | None) -> LastFrameEntry | None:
+    return (
+        None
+        if frame is None
+        else LastFrameEntry(
+            name=frame.name,
+            outcome=cast("Outcome", frame.outcome),
+            reason=frame.reason,
+            covered_by=frame.covered_by,
+            island=frame.island,
+            time=iso_utc(frame.utc),
+            seconds_to_tile=None if frame.seconds_to_tile is None else finite(frame.seconds_to_tile),
+        )
+    )
 
 
-def condition_entry(condition: Condition) -> Document:
-    return {
-        "key": condition.key,
-        "level": condition.level,
-        "text": condition.text,
-        "since": iso_utc(condition.since_utc),
-    }
+def condition_entry(one: Condition) -> ConditionEntry:
+    return ConditionEntry(key=one.key, level=one.level, text=one.text, since=iso_utc(one.since_utc))
 
 
-def notice_entry(notice: NoticeRecord) -> Document:
-    return {"time": iso_utc(notice.utc), "source": notice.source, "level": notice.level, "text": notice.text}
+def notice_entry(one: NoticeRecord) -> NoticeEntry:
+    return NoticeEntry(time=iso_utc(one.utc), source=one.source, level=one.level, text=one.text)
+
+
+def moment(utc: float | None) -> str | None:
+    return None if utc is None else iso_utc(utc)
 
 
 def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = None) -> str:

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self
 
 from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.store.documents import compact
+from gcs_mosaic.store.told_documents import Count
 
 MOST_TILES = 5000  # pending for one slow reader; beyond that it must reload everything
 PaintedTiles = frozenset[tuple[int, Tile]]  # (island, tile)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeEntry:
+    """A message of /live: the map is at this revision."""
+
+    revision: Count
+    tiles: Annotated[Sequence[tuple[int, int, int, int]] | None, "island, z, x, y of what was painted; null: anything"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +53,31 @@ class Change:
         return f"data: {self.json()}\n\n"
 
     def json(self) -> str:
-        """The message to a page: {"revision": n, "tiles": [[island, z, x, y], …] or null}."""
-        tiles = None if self.painted is None else [[island, *tile] for island, tile in sorted(self.painted)]
-        return json.dumps({"revision": self.revision, "tiles": tiles}, separators=(",", ":"))
+        """The message to a page."""
+        tiles = None if self.painted is None else [(island, *tile) for island, tile in sorted(self.painted)]
+        return compact(ChangeEntry(revision=self.revision, tiles=tiles))
 
 
 @dataclass(frozen=True, slots=True)
 class NotesChange:
-    """What people have added is at this revision. An event with a name, which only those hear who ask for it."""
+    """An event `notes` of /live: what people have added is at this revision."""
 
-    revision: int
+    revision: Count
 
     @property
     def event(self) -> str:
         """The server-sent event."""
-        return f'event: notes\ndata: {{"revision":{self.revision}}}\n\n'
+        return f"event: notes\ndata: {compact(self)}\n\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Farewell:
+    """An event `ended` of /live: the server ends."""
+
+    @property
+    def event(self) -> str:
+        """The server-sent event."""
+        return f"event: ended\ndata: {compact(self)}\n\n"
 
 
 def finest(tiles: Iterable[tuple[int, Tile]]) -> PaintedTiles:

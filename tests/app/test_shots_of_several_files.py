@@ -14,6 +14,8 @@ from gcs_mosaic.store.ledger import Ledger
 from tests.frames.image_files import with_thumbnail
 from tests.running import Running, events_of, flying, frames_of, until
 
+pytestmark = pytest.mark.long
+
 SHOTS = 3
 
 
@@ -35,7 +37,6 @@ def flown(tmp_path_factory: pytest.TempPathFactory, pictures: list[bytes]) -> Ru
         return flight
 
 
-@pytest.mark.long
 def test_one_frame_for_each_shot_and_its_event(flown: Running) -> None:
     assert {name: frame.state for name, frame in frames_of(flown.out).items()} == {
         f"DJI_20230101120000_000{k + 1}_W.JPG": "placed" for k in range(SHOTS)

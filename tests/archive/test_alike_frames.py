@@ -44,6 +44,7 @@ def found(artefacts: Artefacts, block: int, words: int) -> list[list[int]]:
     return summary
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", [1, 64])
 def test_frames_that_show_the_same_ground_are_found(artefacts: Artefacts, words: int) -> None:
     for number, others in enumerate(found(artefacts, retrieval.BLOCK, words)):

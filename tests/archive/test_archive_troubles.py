@@ -141,6 +141,7 @@ def test_an_artefact_names_no_code(artefacts: Artefacts) -> None:
         artefacts.part("a/b", "summary")
 
 
+@pytest.mark.long
 def test_a_bucket_keeps_artefacts_as_a_folder_does(monkeypatch: pytest.MonkeyPatch) -> None:
     with bucket_server(monkeypatch, "there"):
         files = BucketFiles("s3://there/part")
@@ -221,6 +222,7 @@ def test_an_address_that_is_none_is_told(address: str, said: str) -> None:
         workers_at(address).__enter__()
 
 
+@pytest.mark.long
 def test_workers_that_cannot_be_started_are_told_in_one_sentence() -> None:
     with (
         dask.config.set({"distributed.worker.preload": ["no_such_module"]}),
@@ -347,6 +349,7 @@ def test_the_second_interrupt_while_workers_start_does_not_wait() -> None:
             release()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="Windows has no signal masks")
 def test_workers_leave_interrupts_to_the_client() -> None:
     with workers_at(None, 1) as client:

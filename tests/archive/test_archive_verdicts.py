@@ -78,6 +78,7 @@ def test_a_file_that_grows_is_not_judged(tmp_path: Path) -> None:
     assert not is_stored(tmp_path, one)
 
 
+@pytest.mark.long
 def test_a_picture_for_which_memory_was_short_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(encoded(".jpg", textured()))

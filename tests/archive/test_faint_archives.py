@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
 from gcs_mosaic.stitch.features.fixed_pattern import LEAST_FRAMES, MEMORY
 from tests.archive.archives import flight_in, run, tiles_of
+from tests.documents import document_at
 
 SETTINGS = FeatureSettings()
 STEP = 60  # px between two frames
@@ -57,6 +57,7 @@ def flown(count: int) -> list[Place]:
     return [(10 + STEP * k, 10 + STEP * k // 4) for k in range(count)]
 
 
+@pytest.mark.long
 def test_the_ground_is_matched_and_not_the_pattern(artefacts: Artefacts) -> None:
     keys = put(artefacts, flown(12))
     blocks = "sums/0", "sums/1"
@@ -70,6 +71,7 @@ def test_the_ground_is_matched_and_not_the_pattern(artefacts: Artefacts) -> None
     assert a.faint is None
 
 
+@pytest.mark.long
 def test_a_hovering_aircraft_is_counted_once_in_however_many_blocks(artefacts: Artefacts) -> None:
     """What it hovers over would be the mean, and nothing be left of it."""
     keys = put(artefacts, [(300, 300)] * 12)
@@ -131,7 +133,7 @@ def test_a_faint_archive_is_placed_as_it_was_flown_by_any_number_of_workers(tmp_
 
 def astray(out: Path, places: Sequence[Place]) -> Array:
     """How far the middle of each frame lies from where it was taken, in pixels, after one similarity."""
-    told = json.loads((out / "placements.json").read_text())
+    told = document_at(out / "placements.json")
     assert len({one["island"] for one in told["frames"]}) == 1
     middle = np.array([[[faint_frames.WIDTH / 2, faint_frames.HEIGHT / 2]]])
     by_name = {one["name"]: np.array(one["canvas_from_frame"]) for one in told["frames"]}

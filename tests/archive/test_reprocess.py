@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import shutil
 import subprocess
 import sys
@@ -26,6 +25,7 @@ from gcs_mosaic.export.multiband_tiff import export_tiff
 from gcs_mosaic.store.records import FrameState
 from tests.archive import saboteur
 from tests.archive.archives import FRAMES, Heard, bucket_server, flight_in, run, tiles_of
+from tests.documents import document_at
 from tests.ports import free_port
 from tests.rebuilt import assert_explained
 from tests.running import PROGRAM, frames_of
@@ -82,8 +82,7 @@ def test_the_map_is_whole_and_what_its_ledger_and_originals_say(alone: Path, tmp
 def test_its_quality_is_measured_as_that_of_a_flight(frames: Path, alone: Path, tmp_path: Path) -> None:
     subprocess.run([*PROGRAM, "stitch", frames, "--out", tmp_path / "flight"], check=True, capture_output=True)
     of_flight, of_archive = (
-        json.loads((out / "mosaic.json").read_text())["islands"][0]["held_out_px"]
-        for out in (tmp_path / "flight", alone)
+        document_at(out / "mosaic.json")["islands"][0]["held_out_px"] for out in (tmp_path / "flight", alone)
     )
     assert of_archive["matches"] == pytest.approx(of_flight["matches"], rel=0.3)
     assert of_archive["median"] == pytest.approx(of_flight["median"], rel=0.2)

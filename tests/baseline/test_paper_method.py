@@ -20,6 +20,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.schema import MIGRATIONS, VERSION
 from gcs_mosaic.store.tiles import read_tile
 from sitl.path import Plan
+from tests.documents import document_at
 from tests.running import flying, six_pictures
 
 
@@ -42,7 +43,7 @@ def out(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.long
 def test_every_frame_is_accounted_for(out: Path) -> None:
-    manifest, placements = (json.loads((out / name).read_text()) for name in ("mosaic.json", "placements.json"))
+    manifest, placements = (document_at(out / name) for name in ("mosaic.json", "placements.json"))
     assert (manifest["frames"]["placed"], manifest["frames"]["rejected"]) == (6, 1)
     assert [island["frames"] for island in manifest["islands"]] == [6]
     (rejected,) = placements["rejected"]
@@ -52,7 +53,7 @@ def test_every_frame_is_accounted_for(out: Path) -> None:
 
 
 def test_all_levels_have_their_tiles(out: Path) -> None:
-    (island,) = json.loads((out / "mosaic.json").read_text())["islands"]
+    (island,) = document_at(out / "mosaic.json")["islands"]
     assert island["maxzoom"] == 15
     for level in range(island["minzoom"], 16):
         assert any(read_tile(out, 0, tile) is not None for tile in tiles_over(tuple(island["bounds"]), level))
@@ -74,7 +75,7 @@ def test_the_export_says_where_pixels_go_as_the_homography_does(out: Path, tmp_p
 def test_the_ledger_gives_homographies_back_bit_by_bit(out: Path) -> None:
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         kept = {estimate.name: estimate.homography or () for estimate in ledger.estimates()}
-    told = json.loads((out / "placements.json").read_text())["frames"]
+    told = document_at(out / "placements.json")["frames"]
     assert {name: [list(row) for row in rows] for name, rows in kept.items()} == {
         frame["name"]: frame["canvas_from_frame"] for frame in told
     }
@@ -117,6 +118,27 @@ def test_surf_without_mahotas_is_told_in_one_sentence(
         "gcs-mosaic: SURF features need the package mahotas: pip install 'gcs-mosaic[surf]', or use sift or orb\n"
     )
     assert not out.exists()
+
+
+@pytest.mark.long
+def test_a_folder_that_has_grown_is_stitched_again(frames: Path, tmp_path: Path) -> None:
+    """Nothing of the one picture is kept to go on with."""
+    words = ["--out", str(tmp_path / "out"), "--method", "paper", "--scale", "0.5"]
+    pictures = [str(path) for path in sorted(frames.rglob("*.JPG"))]
+    assert cli.main(["stitch", *pictures[:2], *words]) == 0
+    assert cli.main(["stitch", *pictures[:4], *words, "--resume"]) == 0
+    assert json.loads((tmp_path / "out" / "mosaic.json").read_text())["frames"]["placed"] == 4
+
+
+@pytest.mark.long
+def test_flights_are_merged_so_too(out: Path, frames: Path, tmp_path: Path) -> None:
+    other, settings = tmp_path / "other", tmp_path / "settings.yaml"
+    settings.write_text("method: paper\nscale: 0.5\n")
+    last = [str(path) for path in sorted(frames.rglob("*.JPG"))[4:]]
+    assert cli.main(["stitch", *last, "--out", str(other), "--config", str(settings)]) == 0
+    words = ["--out", str(tmp_path / "map"), "--config", str(settings)]
+    assert cli.main(["merge", str(out), str(other), *words]) == 0
+    assert json.loads((tmp_path / "map" / "mosaic.json").read_text())["frames"]["placed"] == 8
 
 
 def test_debug_pictures_are_of_the_default_method(

@@ -48,9 +48,10 @@ def test_a_short_flight_lies_where_it_was_taken(ground: ImageBGR, kind: FeatureK
     assert placed == outcomes
     assert laid_error(mosaic.placements(), LINE) < (1.5 if kind == "sift" else 6)  # what the paper says of ORB
     assert [one.hops for one in placed] == [0, 1, 2, 3, 4]
-    assert all(one.inliers >= mosaic.settings.least_inliers for one in placed[1:])
+    assert all(one.inliers >= mosaic.recipe.least_inliers for one in placed[1:])
 
 
+@pytest.mark.long
 def test_the_picture_shows_the_ground_where_the_placements_say(ground: ImageBGR) -> None:
     mosaic, _ = flown(ground, LINE)
     there = RasterBox(0, 0, 480, 360)  # the first frame, which later ones were laid on
@@ -104,6 +105,7 @@ def test_a_mosaic_that_outgrows_its_bound_is_stopped_with_a_reason(ground: Image
     assert outcomes[4] == Rejection("4", "the mosaic would have 0.655 megapixels, 0.6 allowed")
 
 
+@pytest.mark.long
 def test_frames_that_grow_and_grow_are_stopped_with_a_reason(ground: ImageBGR) -> None:
     climb = [Pose(1200.0, 1200.0, 0.35 * k) for k in range(5)]
     mosaic, outcomes = flown(ground, climb, PaperSettings(largest_growth=5.0))

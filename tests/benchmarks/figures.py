@@ -17,6 +17,7 @@ from typing import Any
 
 from tests.benchmarks.flight_run import Run
 from tests.benchmarks.flight_table import KEPT, key, read
+from tests.benchmarks.speed_table import page_rows
 
 HERE = Path(__file__).parent
 TOPICS = HERE / "figures"
@@ -168,7 +169,7 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}" if value < 10 else f"{value:.1f}"
 
 
-KEPT_ROWS = {"flights": recorded_flights}
+KEPT_ROWS = {"flights": recorded_flights, "speed": page_rows}
 
 if __name__ == "__main__":
     main()

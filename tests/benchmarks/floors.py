@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -23,17 +22,19 @@ from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_ca
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.tiles import encode_jpeg
+from tests.benchmarks.stages import Stages
 
 LATTICE = 64  # px between places whose pixel is worked out; between them it is interpolated, and none of it counts
 
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """Seconds on one thread."""
+    """Seconds on one thread, by the clock on the wall; `cpu`: of the processor, for all of it."""
 
     decode: float
     warp: float
     encode: float
+    cpu: float = 0.0
 
     @property
     def all(self) -> float:
@@ -48,7 +49,7 @@ def floor_of(flight: Path, config: Config, most: int = 9) -> Floor:
     chosen = {painted[at].name: painted[at] for at in np.linspace(0, len(painted) - 1, most).astype(int)}
     with one_thread():
         floors = sorted((floor(paths[one.name], one, config) for one in chosen.values()), key=lambda found: found.all)
-    each = zip(*[(found.decode, found.warp, found.encode) for found in floors], strict=True)
+    each = zip(*[(found.decode, found.warp, found.encode, found.cpu) for found in floors], strict=True)
     return Floor(*map(statistics.median, each))
 
 
@@ -65,20 +66,20 @@ def one_thread() -> Iterator[None]:
 
 def floor(original: Path, painted: RenderItem, config: Config) -> Floor:
     """Of one frame: its own picture alone, at the level at which it is painted, on the tiles under its footprint."""
-    start = time.perf_counter()
-    image = load_image(original, reduction=config.reduction)
-    decoded = time.perf_counter()
+    spent = Stages()
+    with spent.timed("decode"):
+        image = load_image(original, reduction=config.reduction)
     assert not isinstance(image, Unreadable), image.reason
     pixels, under = pixels_of(painted)
-    before = time.perf_counter()
     flag = INTERPOLATIONS[config.paint.canvas.interpolation]
-    warped = cv2.remap(image, pixels, None, flag, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
-    done = time.perf_counter()
-    full = full_coverage(TILE_SIZE)
-    for row, column in under:
-        tile = warped[row : row + TILE_SIZE, column : column + TILE_SIZE]
-        encode_jpeg(np.asarray(tile, np.uint8), full, config.tiles.jpeg_quality)
-    return Floor(decoded - start, done - before, time.perf_counter() - done)
+    with spent.timed("warp"):
+        warped = cv2.remap(image, pixels, None, flag, borderMode=cv2.BORDER_REPLICATE)  # type: ignore
+    with spent.timed("encode"):
+        full = full_coverage(TILE_SIZE)
+        for row, column in under:
+            tile = warped[row : row + TILE_SIZE, column : column + TILE_SIZE]
+            encode_jpeg(np.asarray(tile, np.uint8), full, config.tiles.jpeg_quality)
+    return Floor(**spent.wall_s, cpu=sum(spent.cpu_s.values()))
 
 
 def pixels_of(painted: RenderItem) -> tuple[NDArray[np.float32], list[tuple[int, int]]]:

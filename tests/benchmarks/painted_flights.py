@@ -116,7 +116,7 @@ def painted_map(flight: PlacedFlight, settings: PaintSettings) -> Iterator[Paint
     def record(painted: RenderItem) -> None:
         frames[painted.name] = painted
 
-    queue = RepaintQueue(flight.load, record, settings)
+    queue = RepaintQueue(TileCompositor(flight.load, settings.canvas), record, settings)
     try:
         for order, placement in enumerate(flight.placements):
             image = flight.load(placement.name)

@@ -6,7 +6,9 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-_LINE = re.compile(r" DEBUG (\S+) gcs_mosaic\.store\.stages: (\w+) ([\d.]+) to ([\d.]+) s on core (-?\d+): (.*)$")
+_LINE = re.compile(
+    r" DEBUG (\S+) gcs_mosaic\.store\.stages: (\w+) ([\d.]+) to ([\d.]+) s, ([\d.]+) CPU s, on core (-?\d+): (.*)$"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +21,12 @@ class Stage:
     core: int
     start: float
     end: float
+    cpu: float = 0.0  # of the whole process meanwhile
 
 
 def stages_in(log: Iterable[str]) -> Iterator[Stage]:
     """The stages recorded in the lines of a flight.log, in the order they ended."""
     for line in log:
         if found := _LINE.search(line.rstrip("\n")):
-            thread, name, start, end, core, of = found.groups()
-            yield Stage(name, of, thread, int(core), float(start), float(end))
+            thread, name, start, end, cpu, core, of = found.groups()
+            yield Stage(name, of, thread, int(core), float(start), float(end), float(cpu))

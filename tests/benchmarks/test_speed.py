@@ -19,7 +19,9 @@ from tests.benchmarks.flown_live import FlownLive, fly, pictures_in
 from tests.benchmarks.long_growth import costs_of_flight
 from tests.benchmarks.processes import Watched
 from tests.benchmarks.recorded_stages import Stage, stages_in
+from tests.benchmarks.side_by_side import Failed, each
 from tests.benchmarks.speed import ending, quantiles
+from tests.benchmarks.speed_costs import Work, measured
 from tests.benchmarks.timeline import COLOURS, LEFT, ROW, TOP, draw
 
 pytestmark = pytest.mark.long
@@ -43,6 +45,18 @@ def test_the_floor_is_that_of_every_size(frames: Path, tmp_path: Path) -> None:
     assert 0 < floor.warp < 1
     assert 0 < floor.encode < 1
     assert floor.all == floor.decode + floor.warp + floor.encode
+
+
+def test_each_stage_of_a_stitch_is_measured(frames: Path) -> None:
+    ((_, costs),) = each(measured, [Work(tuple(pictures_in(frames)), 0.5)])
+    assert not isinstance(costs, Failed)
+    assert {"decode", "features", "place", "adjust", "paint", "repaint", "tiles", "documents"} <= costs.stages.keys()
+    assert all(floors >= 0 for floors in costs.stages.values())
+    assert costs.stages["features"] > 0
+    assert sum(costs.stages.values()) < costs.cpu, "the whole command has its start besides"
+    assert costs.floor_s > 0
+    assert costs.wall > 0
+    assert costs.resident_mb > 50
 
 
 def test_a_live_flight_is_measured(frames: Path, tmp_path: Path) -> None:

@@ -137,6 +137,7 @@ def test_a_whole_flight_is_found_whole_and_left_alone(flight: Path) -> None:
     assert files_in(flight) == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 def test_damage_is_found_and_repaired(flight: Path, name: str) -> None:
     damage, words = DAMAGES[name]

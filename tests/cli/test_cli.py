@@ -211,6 +211,7 @@ def test_a_port_that_is_taken_names_who_has_it_and_how_to_share(refused: Refused
     assert "Enable forwarding" in said
 
 
+@pytest.mark.long
 def test_a_page_that_cannot_be_served_leaves_no_folder_behind(refused: Refused) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         page = f"127.0.0.1:{other.getsockname()[1]}"

@@ -167,6 +167,7 @@ def test_pmtiles_by_gdal(flight: AnchoredFlight, export: Export) -> None:
         rows.close()
 
 
+@pytest.mark.long
 def test_a_folder_of_tiles(flight: AnchoredFlight, export: Export) -> None:
     folder = export("xyz", "--tiles", "jpg", to="tiles")
     told = json.loads((folder / "tiles.json").read_text())
@@ -179,6 +180,7 @@ def test_a_folder_of_tiles(flight: AnchoredFlight, export: Export) -> None:
     assert all(pyramid.tile(*place) is None for place in expected - written)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", [4096, 300], ids=["one picture", "a tree"])
 def test_a_kmz(flight: AnchoredFlight, export: Export, monkeypatch: pytest.MonkeyPatch, side: int) -> None:
     """Against the schema; each mark is found where the finest pictures say."""
@@ -239,6 +241,7 @@ def test_geojson(flight: AnchoredFlight, export: Export) -> None:
     assert area > 0, "counterclockwise, as RFC 7946 wants it"
 
 
+@pytest.mark.long
 def test_a_cut_out(flight: AnchoredFlight, export: Export) -> None:
     west, south, east, north = flight.laid.bounds
     box = (west, south, (west + east) / 2, (south + north) / 2)
@@ -249,6 +252,7 @@ def test_a_cut_out(flight: AnchoredFlight, export: Export) -> None:
         assert dataset.bounds.right < flight.laid.mercator_bounds[2]
 
 
+@pytest.mark.long
 def test_a_coarser_level(flight: AnchoredFlight, export: Export) -> None:
     finest = flight.laid.levels[1]
     with opened(str(export("geotiff", "--zoom", str(finest - 1), to="a.tif"))) as coarse:
@@ -391,6 +395,7 @@ def test_each_of_several_aircraft_has_a_path_of_its_own(flight: AnchoredFlight, 
     }
 
 
+@pytest.mark.long
 def test_over_the_180th_meridian_a_kmz_is_one_picture(across: AnchoredFlight, tmp_path: Path) -> None:
     with zipfile.ZipFile(exported(across, tmp_path / "map.kmz", "--format", "kmz")) as archive:
         (overlay,) = ElementTree.fromstring(archive.read("doc.kml")).iter(f"{KML}GroundOverlay")

@@ -156,6 +156,7 @@ def test_an_island_that_is_not_there_is_told(five: Flown, tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_originals_that_are_gone_are_told(five: Flown, tmp_path: Path) -> None:
     with Ledger(five.out / LEDGER_NAME, read_only=True) as ledger:
         last = five.out / sure(ledger.frames()[-1].original)

@@ -42,6 +42,7 @@ def hidden(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir() if path.name.startswith(".")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["file", "folder"])
 def test_of_two_exports_into_one_place_the_second_is_refused(tmp_path: Path, kind: str) -> None:
     """And leaves alone what the first writes; after one that was killed the next goes on."""

@@ -109,6 +109,7 @@ def test_without_a_file_in_memory_pixels_come_through_the_pipe(monkeypatch: pyte
             np.testing.assert_array_equal(decoded(decoders, data), decode_image(data))
 
 
+@pytest.mark.long
 def test_a_picture_that_takes_too_long_costs_itself_alone(shared: Decoders) -> None:
     start = time.monotonic()
     assert refused(shared, ENDLESS) == "needs more than 0.3 s of computing time: damaged, or made to harm"

@@ -145,6 +145,7 @@ def test_a_thousand_pins_cost_little() -> None:
     assert time.process_time() - start < 10
 
 
+@pytest.mark.long
 def test_what_is_stated_holds_in_simulated_sets() -> None:
     """Clustered and in line, seen once or often, in two of three sets one point wrong by 10 to 100 m; the benchmark
     `control_points` has more of them."""
@@ -191,6 +192,7 @@ def test_where_a_pin_is_wrong_the_stated_error_tells_it(count: int, wrong_m: flo
     assert np.mean(within) >= 0.93
 
 
+@pytest.mark.long
 def test_pins_with_their_usual_errors_fit() -> None:
     """And 95 % of the stated errors hold."""
     chance = np.random.default_rng(3)

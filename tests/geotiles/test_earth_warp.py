@@ -98,6 +98,7 @@ def test_what_it_shows_lies_where_the_anchor_says() -> None:
         assert off.mean() < 0.6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("up", [0, 1, 3])
 def test_nothing_finer_than_a_pixel_shimmers(up: int) -> None:
     """Noise that is independent from pixel to pixel becomes fainter as its mean over a pixel does: aliased, it would not."""

@@ -18,6 +18,7 @@ from tests.sure import sure
 WIDE = (-4000.0, -4000.0, 4000.0, 4000.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("down", "latitude"), [(-2, 44.5), (0, 68.0), (0, 0.0), (1, 44.5)])
 def test_tiles_are_parts_of_one_picture(down: int, latitude: float) -> None:
     """As one picture of the whole, and no step at their borders beyond those inside."""
@@ -64,6 +65,7 @@ def test_steps_at_borders_are_those_inside() -> None:
         assert at_borders == pytest.approx(inside, abs=0.1)
 
 
+@pytest.mark.long
 def test_levels_show_the_same() -> None:
     """The mean of four pixels is that of the level above: nothing shifts and nothing gets darker from level to level."""
     laid = island(WIDE)

@@ -32,7 +32,7 @@ from tests.web.browser import CHROMIUM, open_browser
 from tests.web.test_notes_api import Writer
 from tests.web.test_people_on_the_page import Person
 
-pytestmark = pytest.mark.usefixtures("every_answer_is_as_described")
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("every_answer_is_as_described")]
 
 SIZE = (800, 600)
 PEOPLE = 12
@@ -69,7 +69,6 @@ def seek_all(root: Path, *colours: SoughtColour, settings: HintSettings | None =
     return done
 
 
-@pytest.mark.long
 def test_people_are_found_far_above_chance_the_newest_frame_first(flight: Flight, root: Path) -> None:
     done = seek_all(root)
     assert done == sorted(done, reverse=True)
@@ -97,7 +96,6 @@ def test_hints_lie_where_the_frames_are(flight: Flight, root: Path) -> None:
         assert hint.found.frame in near
 
 
-@pytest.mark.long
 def test_a_colour_is_sought_in_frames_that_were_searched_before_and_forgotten_again(root: Path) -> None:
     before = len(seek_all(root))
     orange = SoughtColour(number=7, bgr=tuple(round(value) for value in CLOTHES[0]), tolerance=25.0)  # type: ignore[arg-type]
@@ -119,7 +117,6 @@ def test_a_frame_whose_original_is_gone_costs_that_frame(root: Path) -> None:
     assert read_hints(root).failed == 1
 
 
-@pytest.mark.long
 def test_a_frame_that_ends_the_program_is_begun_once_more_and_then_left(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,7 +137,6 @@ def test_a_frame_that_ends_the_program_is_begun_once_more_and_then_left(
     assert seek_all(root)[0] == 11
 
 
-@pytest.mark.long
 def test_trouble_that_passes_costs_no_frame_and_a_fault_costs_that_frame_alone(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -167,7 +163,6 @@ def test_trouble_that_passes_costs_no_frame_and_a_fault_costs_that_frame_alone(
     assert (read.searched, read.failed) == (11, 1)
 
 
-@pytest.mark.long
 def test_hints_of_another_flight_and_a_damaged_file_are_not_shown(root: Path) -> None:
     seek_all(root)
     ledger = sqlite3.connect(root / "flight.sqlite")
@@ -187,7 +182,6 @@ def client(root: Path) -> Iterator[Writer]:
     server.stop()
 
 
-@pytest.mark.long
 def test_the_page_seeks_once_somebody_wants_it_and_what_is_dismissed_stays_so(client: Writer, root: Path) -> None:
     told = client.get("/hints")
     assert (told["on"], told["state"], told["hints"]) == (False, "off", [])
@@ -219,7 +213,6 @@ def test_the_page_seeks_once_somebody_wants_it_and_what_is_dismissed_stays_so(cl
     until(lambda: client.get("/hints")["state"] == "off", "the process has ended", 10)
 
 
-@pytest.mark.long
 def test_a_colour_picked_on_the_map_is_marked_everywhere(client: Writer, flight: Flight, root: Path) -> None:
     frame, sight = next((frame, one) for frame in flight.truth().frames for one in frame.sightings)
     number = next(one.number for one in FlightView(root).table().frames if one.name == Path(frame.name).name)
@@ -276,7 +269,6 @@ def test_a_model_that_cannot_be_used_is_told_and_the_page_lives_on(root: Path, t
     server.stop()
 
 
-@pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(root: Path, tmp_path: Path) -> None:
     server = WebServer(root, HttpAddress("127.0.0.1", 0))

@@ -26,6 +26,7 @@ def reader(request: pytest.FixtureRequest) -> Iterator[tuple[DatagramReader, soc
         yield reading, sender
 
 
+@pytest.mark.long
 def test_datagrams_come_whole_in_order_and_with_their_sender(reader: tuple[DatagramReader, socket.socket]) -> None:
     reading, sender = reader
     sent = [b"", b"\x00\xff" * 3, bytes(60_000), *(b"%d" % k for k in range(100))]

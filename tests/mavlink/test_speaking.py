@@ -158,6 +158,7 @@ def test_what_is_told_reaches_the_ground_station(peers: Callable[[int], Peer]) -
         assert {message.get_type() for message in station.messages(0.5)} <= {"HEARTBEAT"}
 
 
+@pytest.mark.long
 def test_what_is_told_before_anybody_listens_is_said_when_somebody_does(peers: Callable[[int], Peer]) -> None:
     port = free_port()
     station = peers(port)
@@ -244,6 +245,7 @@ def test_with_a_key_what_is_heard_must_be_signed_and_what_is_said_is(peers: Call
     assert SECRET.hex() not in repr(link.items)
 
 
+@pytest.mark.long
 def test_a_tcp_link_is_spoken_on_even_after_it_was_lost() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(LONGEST_WAIT_S)

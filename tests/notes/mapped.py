@@ -9,7 +9,9 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.records import FlightRecord
+from gcs_mosaic.store.listing import FrameNews
+from gcs_mosaic.store.manifest import Contents, mosaic_document
+from gcs_mosaic.store.records import Accounts, FlightRecord
 from tests.factories import frame
 from tests.store.ledger_parts import forget_painted
 
@@ -52,4 +54,5 @@ class MappedFlight:
 
     def _told(self) -> None:
         self._revision += 1
-        write_json(self.root / "mosaic.json", {"revision": self._revision})
+        told = Contents(flight="mapped", updated_utc=1.0, islands=[], accounts=Accounts(), frames=FrameNews())
+        write_json(self.root / "mosaic.json", mosaic_document(told, self._revision))

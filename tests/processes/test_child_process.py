@@ -79,6 +79,7 @@ def tell_much(pipe: Connection) -> None:
     teller.send({"frame": 1}, b"\0\xff")
 
 
+@pytest.mark.long
 def test_it_is_another_process_which_gets_what_is_given_and_ends_by_itself() -> None:
     child = ChildProcess("echo", echo, 1, "two")
     assert child.pipe.recv() == (child.pid, (1, "two"))
@@ -107,6 +108,7 @@ def test_signals_are_held_until_a_child_can_say_that_they_are_not_for_it(sign: s
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []).isdisjoint(SIGNALS), "the program hears them as before"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_one_that_hangs_is_ended_in_time() -> None:
     child = ChildProcess("hanging", hang)
@@ -116,6 +118,7 @@ def test_one_that_hangs_is_ended_in_time() -> None:
     assert time.monotonic() - start < 5
 
 
+@pytest.mark.long
 def test_what_one_prints_goes_into_the_log_and_never_holds_it_up(caplog: pytest.LogCaptureFixture) -> None:
     child = ChildProcess("the flooding one", flood)
     assert child.pipe.poll(IN_TIME_S)
@@ -125,6 +128,7 @@ def test_what_one_prints_goes_into_the_log_and_never_holds_it_up(caplog: pytest.
     assert caplog.messages[0] == f"the flooding one: {'x' * 500} 0"
 
 
+@pytest.mark.long
 def test_the_last_words_of_one_that_breaks_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
     child = ChildProcess("the broken one", fail)
     with pytest.raises(EOFError):
@@ -157,6 +161,7 @@ def test_nothing_is_left_of_one_that_could_not_begin(given: object, monkeypatch:
     assert held.tb is not None, "not by the garbage collection alone"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "nice"), reason="no niceness")
 def test_it_is_as_nice_as_it_is_meant_to_be() -> None:
     child = ChildProcess("nice", niceness, niceness=7)
@@ -164,6 +169,7 @@ def test_it_is_as_nice_as_it_is_meant_to_be() -> None:
     child.end()
 
 
+@pytest.mark.long
 def test_messages_and_log_records_come_as_they_were_told(caplog: pytest.LogCaptureFixture) -> None:
     child = ChildProcess("the telling one", tell_much)
     logged, mass = receive(child.pipe)

@@ -85,6 +85,7 @@ def assert_same(one: dict[Tile, TilePicture], other: dict[Tile, TilePicture]) ->
         np.testing.assert_array_equal(shown.coverage, other[tile].coverage)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("blend", MODES)
 def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas: Canvases, blend: str, seed: int) -> None:

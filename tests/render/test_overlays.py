@@ -72,7 +72,9 @@ def recorded() -> list[RenderItem]:
 
 @pytest.fixture
 def queue(recorded: list[RenderItem]) -> Iterator[RepaintQueue]:
-    with closing(RepaintQueue(lambda name: picture(int(name)), recorded.append, PaintSettings())) as queue:
+    with closing(
+        RepaintQueue(TileCompositor(lambda name: picture(int(name))), recorded.append, PaintSettings())
+    ) as queue:
         yield queue
 
 

@@ -10,6 +10,7 @@ import pytest
 from painting_parts import SMALL, picture
 
 from gcs_mosaic.render import repaint_queue as module
+from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.render.displacement import displacement
 from gcs_mosaic.render.render_list import RenderItem, TileKey
 from gcs_mosaic.render.repaint_queue import CHECKED_AT_ONCE, PaintSettings, RepaintQueue
@@ -37,7 +38,7 @@ def recorded() -> list[RenderItem]:
 
 @pytest.fixture
 def queue(recorded: list[RenderItem]) -> Iterator[RepaintQueue]:
-    queue = RepaintQueue(lambda name: picture(int(name)), recorded.append, PaintSettings())
+    queue = RepaintQueue(TileCompositor(lambda name: picture(int(name))), recorded.append, PaintSettings())
     yield queue
     queue.close()
 
@@ -112,7 +113,7 @@ def test_frames_of_different_kinds_lie_on_one_map_and_their_gains_apart(recorded
             return (light[..., :1] + 29_000).astype(np.uint16)
         return np.clip(light * 0.6, 0, 255).astype(np.uint8)
 
-    with closing(RepaintQueue(seen, recorded.append, PaintSettings())) as queue:
+    with closing(RepaintQueue(TileCompositor(seen), recorded.append, PaintSettings())) as queue:
         names = [str(k) for k in range(6)]
         there = [replace(placed(k, 0.0), neighbours=tuple(names[:k])) for k in range(6)]
         for order, one in enumerate(there):
@@ -149,7 +150,9 @@ def seen_with_black_lines(number: int) -> np.ndarray:
 
 @pytest.fixture
 def black_lined(recorded: list[RenderItem]) -> Iterator[RepaintQueue]:
-    queue = RepaintQueue(lambda name: seen_with_black_lines(int(name)), recorded.append, PaintSettings())
+    queue = RepaintQueue(
+        TileCompositor(lambda name: seen_with_black_lines(int(name))), recorded.append, PaintSettings()
+    )
     yield queue
     queue.close()
 
@@ -185,7 +188,7 @@ def test_the_border_of_one_aircraft_s_camera_is_not_that_of_another_s(recorded: 
     def seen(name: str) -> np.ndarray:
         return seen_with_black_lines(int(name)) if int(name) % 2 == 0 else picture(int(name))
 
-    with closing(RepaintQueue(seen, recorded.append, PaintSettings())) as queue:
+    with closing(RepaintQueue(TileCompositor(seen), recorded.append, PaintSettings())) as queue:
         for order in range(2 * FRAMES + 2):
             image, at = seen(str(order)), replace(placed(order, order * 400.0), aircraft=1 + order % 2)
             queue.paint_new(image, image[::4, ::4], at, order)
@@ -238,7 +241,7 @@ def test_brightness_is_not_told_from_bars(recorded: list[RenderItem], pair: tupl
     one, other = pair
     there = [placed(k, k * APART) for k in range(FRAMES + 2)]
     there[other] = replace(there[other], pose=Pose(one * APART, 40.0), neighbours=(str(one),))
-    with closing(RepaintQueue(barred, recorded.append, PaintSettings())) as queue:
+    with closing(RepaintQueue(TileCompositor(barred), recorded.append, PaintSettings())) as queue:
         for order, at in enumerate(there):
             queue.paint_new(barred(at.name), barred(at.name), at, order)
         for _ in queue.repaint_all(there):

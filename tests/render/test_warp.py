@@ -13,6 +13,7 @@ from tests.tile_parts import own_level, pixel_centres
 FULL = Camera(4000, 3000)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("k1", [-0.2, 0.0, 0.2])
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
 def test_interpolated_places_are_right_to_a_tenth_of_a_pixel(k1: float, tilt: float) -> None:

@@ -15,6 +15,7 @@ from sitl.truth import read
 SMALL = Plan(frames=6, height=60)
 
 
+@pytest.mark.long
 def test_a_flight_is_made_whole_with_its_truth(tmp_path: Path) -> None:
     flight = make("survey", tmp_path, (320, 240), seed=3, world_size=2048, route=SMALL)
     truth = read(tmp_path / "truth.json")
@@ -26,6 +27,7 @@ def test_a_flight_is_made_whole_with_its_truth(tmp_path: Path) -> None:
         assert picture.shape == (240, 320, 3)
 
 
+@pytest.mark.long
 def test_the_same_seed_makes_the_same_files() -> None:
     flights = [plan("survey", (160, 120), seed=seed, world_size=2048, route=SMALL) for seed in (3, 3, 4)]
     first, again, other = (next(flight.pictures()) for flight in flights)
@@ -49,6 +51,7 @@ def test_an_unknown_scenario_is_refused_with_those_there_are() -> None:
         plan("loop")
 
 
+@pytest.mark.long
 def test_a_world_is_as_large_as_its_flight_needs() -> None:
     lens = Lens(width=160, height=120)
     short, long = (fly("survey", lens, Plan(frames=frames)) for frames in (4, 300))

@@ -63,6 +63,7 @@ def test_it_judges_a_finished_flight_in_a_line(
     assert "ortho rmse 0.0" in line
 
 
+@pytest.mark.long
 def test_it_flies_photographs_for_a_program_that_runs_already(photos: Path, tmp_path: Path) -> None:
     watch = tmp_path / "watch"
     words = ["--interval", "0.1", "--no-daemon", "--manner", "px4,ardupilot,camera"]
@@ -155,6 +156,7 @@ def test_a_program_that_does_not_start_fails_the_flight(photos: Path, capsys: py
     assert "exit code 7" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_it_cleanly(photos: Path, tmp_path: Path) -> None:
     words = ["--frames", str(photos), "--interval", "30", "--no-daemon", "--watch", str(tmp_path / "w"), "--port", "9"]
     process = subprocess.Popen([sys.executable, "-m", "sitl", *words], stdout=subprocess.PIPE, text=True)

@@ -47,6 +47,7 @@ def test_triggers_keep_their_times_and_every_file_arrives_whole(tmp_path: Path) 
         assert (tmp_path / f"DCIM/{k}.JPG").read_bytes() == bytes([k]) * 10_000
 
 
+@pytest.mark.long
 def test_speed_shortens_the_flight(tmp_path: Path) -> None:
     times = flown(film(interval=1.0), tmp_path, speed=10)
     assert 0.35 < times[-1] - times[0] < 2.5

@@ -62,6 +62,7 @@ def test_a_good_program_is_followed_to_the_end(tmp_path: Path) -> None:
     assert program.stop() == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("manner", "sentence"), [("dies", "exit code 3"), ("mute", r"wrote no .*status\.json within")])
 def test_one_that_does_not_start_is_told(manner: str, sentence: str, tmp_path: Path) -> None:
     program = stand_in(tmp_path, manner)
@@ -82,6 +83,7 @@ def test_one_that_does_not_finish_is_told(manner: str, sentence: str, tmp_path: 
     program.stop()
 
 
+@pytest.mark.long
 def test_one_that_does_not_end_is_killed_and_told(tmp_path: Path) -> None:
     program = stand_in(tmp_path, "deaf")
     program.start()

@@ -30,6 +30,7 @@ def test_a_view_ends_at_the_first_thing_it_meets(ground: float, seen: float) -> 
     assert x.item() == pytest.approx(seen, abs=0.1)
 
 
+@pytest.mark.long
 def test_relief_displaces_crowns_and_leaves_the_truth_right() -> None:
     flight = plan("survey", (320, 240), ground="orchard", relief=1.0, world_size=2048, route=ROUTE)
     pixels = np.stack(np.meshgrid(np.arange(20, 300, 20.0), np.arange(20, 220, 20.0)), -1).reshape(-1, 2)

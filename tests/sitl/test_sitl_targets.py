@@ -26,6 +26,7 @@ def test_a_target_goes_to_and_fro() -> None:
     assert np.ptp(NORTHWARD.corners(3), axis=0) == pytest.approx([1, 2])
 
 
+@pytest.mark.long
 def test_it_is_painted_where_the_truth_says(crowded: Flight) -> None:
     """The pictures with and without targets differ around the sightings and nowhere else."""
     bare = replace(crowded.scene, targets=())

@@ -16,6 +16,7 @@ from sitl.truth import COLUMNS, ROWS, Truth, read, true_frame, write
 OBLIQUE = CameraState(time=2, x=0, y=40, height=40, yaw=0.2, pitch=np.radians(72))
 
 
+@pytest.mark.long
 def test_what_is_written_is_read(flight: Flight, scene: Scene, tmp_path: Path) -> None:
     crowd = spread(Crowd(people=3, marks=1), flight.scene.camera.lens, flight.states, 60, seed=3)
     camera = replace(flight.scene.camera, exposure_step=2, vignetting=0.3)

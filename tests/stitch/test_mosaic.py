@@ -74,6 +74,7 @@ def test_frames_apart_form_an_island_that_joins_when_the_gap_is_flown(ground: Im
     assert map_error(mosaic.placements(), first + far + bridge) < 2
 
 
+@pytest.mark.long
 def test_a_frame_of_another_place_waits_and_is_rejected_at_the_end(ground: Image, other_ground: Image) -> None:
     mosaic = Mosaic()
     fly(mosaic, ground, line(400, 500, 3))
@@ -119,6 +120,7 @@ def test_an_empty_picture_is_rejected_with_a_reason(grey: int) -> None:
     assert outcome.reason.startswith("too little to see: 0 features, it is flat or noise alone")
 
 
+@pytest.mark.long
 def test_a_frame_of_another_size_is_another_camera(ground: Image) -> None:
     mosaic = Mosaic()
     fly(mosaic, ground, line(400, 500, 3))

@@ -241,6 +241,7 @@ def some_features(seed: int) -> Features:
     )  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("known", [0, 1, LEARN_AT[0] - 1, LEARN_AT[0]])
 def test_an_index_forgets_what_was_added_even_where_its_vocabulary_was_learnt_meanwhile(known: int) -> None:
     """At 63 frames the next one lets it learn its words; at 64 it makes room for more."""

@@ -68,6 +68,7 @@ def test_what_does_not_look_alike_joins_nothing(united: Mosaic) -> None:
     assert not united.connect([("000", f"{FRAMES:03}")])  # the ends, far from each other
 
 
+@pytest.mark.long
 def test_a_registration_that_says_something_else_is_no_link(united: Mosaic, monkeypatch: pytest.MonkeyPatch) -> None:
     united.connect(PAIRS)
     register = Search.register

@@ -25,6 +25,7 @@ from gcs_mosaic.store.originals import KeptOriginal, NotKept, Originals, Origina
 from gcs_mosaic.store.records import FrameState, IslandRecord
 from gcs_mosaic.store.rewritten import RewrittenFiles
 from gcs_mosaic.store.told_islands import checked_islands, told_islands
+from tests.documents import document_at
 from tests.factories import frame
 from tests.sure import sure
 
@@ -215,7 +216,7 @@ def test_an_outcome_is_told_once(store: FlightStore, camera: Path, caplog: pytes
 
 
 def revision(store: FlightStore) -> int:
-    return int(json.loads((store.out / "mosaic.json").read_bytes())["revision"])
+    return int(document_at(store.out / "mosaic.json")["revision"])
 
 
 def test_accounts_are_brought_up_to_the_ledgers_without_a_new_revision(store: FlightStore, camera: Path) -> None:
@@ -226,7 +227,7 @@ def test_accounts_are_brought_up_to_the_ledgers_without_a_new_revision(store: Fl
         before = revision(store)
         store.accept(taken(camera, "a.jpg"))
         store.tell_accounts()
-        assert json.loads((store.out / "mosaic.json").read_bytes())["frames"]["pending"] == 1
+        assert document_at(store.out / "mosaic.json")["frames"]["pending"] == 1
         assert revision(store) == before == store.revision
         store.save(canvas, [], {})
         assert revision(store) == before  # nothing has changed since

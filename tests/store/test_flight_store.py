@@ -1,6 +1,5 @@
 """What is not written yet, and when the documents tell of it."""
 
-import json
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from gcs_mosaic.messages import DamagedFile, Frame, content_hash
 from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.store.flight_store import FlightStore
 from gcs_mosaic.store.records import FrameState, IslandRecord
+from tests.documents import document_at
 from tests.factories import frame
 from tests.sure import sure
 
@@ -22,7 +22,7 @@ def test_the_documents_tell_of_a_damaged_file_at_once(tmp_path: Path, damaged: i
         for number in range(damaged):
             store.accept_damaged(DamagedFile(name=f"{number}.jpg", reason="truncated"))
         store.save(canvas, [], {})
-    assert json.loads((tmp_path / "mosaic.json").read_bytes())["frames"]["damaged"] == damaged
+    assert document_at(tmp_path / "mosaic.json")["frames"]["damaged"] == damaged
 
 
 def made(folder: Path, number: int) -> Frame:

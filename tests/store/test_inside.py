@@ -102,6 +102,7 @@ def test_what_is_read_is_bounded(root: Path) -> None:
         inside.read(root / "sparse", root)
 
 
+@pytest.mark.long
 @posix
 def test_folders_deeper_than_any_path_are_left_out(root: Path) -> None:
     here = os.open(root / "folder", os.O_RDONLY)

@@ -5,7 +5,8 @@ import sqlite3
 import pytest
 
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.records import CoveredRecord, FrameAccount, FrameState
+from gcs_mosaic.store.records import CoveredRecord, FrameState
+from gcs_mosaic.store.told_documents import FrameAccount
 from tests.store.ledger_parts import NEARLY_THE_SAME, a_frame
 
 

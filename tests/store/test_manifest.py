@@ -4,16 +4,19 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.disk import DiskFull
+from gcs_mosaic.store.documents import compact
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest, mosaic_document
-from gcs_mosaic.store.records import Accounts, Estimate, FrameAccount
-from tests.documents import journal_lines, placements
+from gcs_mosaic.store.records import Accounts, Estimate
+from gcs_mosaic.store.told_documents import FrameAccount, MosaicDocument
+from tests.documents import document_at, journal_lines, misfits, placements
 
 ISLAND = IslandEntry(id=0, bounds=(-10.5, 0, 4000, 3000.5), minzoom=11, maxzoom=16, frames=2)
 ESTIMATE = Estimate(
@@ -36,8 +39,15 @@ CONTENTS = Contents(
 )
 
 
+def told(contents: Contents, revision: int) -> dict[str, Any]:
+    """The document, as a reader has it."""
+    document: dict[str, Any] = json.loads(compact(mosaic_document(contents, revision)))
+    assert misfits(MosaicDocument, document) == []
+    return document
+
+
 def test_mosaic_document_follows_the_contract() -> None:
-    document = mosaic_document(CONTENTS, 7)
+    document = told(CONTENTS, 7)
     assert (document["format"], document["revision"], document["tile_size"]) == (1, 7, 256)
     assert document["updated"] == "2024-05-01T12:00:00.250Z"
     assert document["islands"] == [
@@ -56,7 +66,7 @@ def test_mosaic_document_follows_the_contract() -> None:
 def test_island_tells_how_good_it_is() -> None:
     known = replace(ISLAND, held_out=HeldOut(1.234, 9.876, 3120))
     endless = replace(ISLAND, held_out=HeldOut(1.5, math.inf, 20))
-    document = json.loads(json.dumps(mosaic_document(replace(CONTENTS, islands=[known, endless]), 1), allow_nan=False))
+    document = told(replace(CONTENTS, islands=[known, endless]), 1)
     assert [island["held_out_px"] for island in document["islands"]] == [
         {"median": 1.23, "p95": 9.88, "matches": 3120},
         {"median": 1.5, "p95": None, "matches": 20},
@@ -65,8 +75,7 @@ def test_island_tells_how_good_it_is() -> None:
 
 def test_merged_island_says_where_it_went() -> None:
     contents = replace(CONTENTS, islands=[ISLAND, replace(ISLAND, id=1, merged_into=0)])
-    islands = mosaic_document(contents, 1)["islands"]
-    assert isinstance(islands, list)
+    islands = told(contents, 1)["islands"]
     assert [island.get("merged_into") for island in islands] == [None, 0]
 
 
@@ -75,7 +84,7 @@ def test_infinity_never_reaches_a_file(tmp_path: Path) -> None:
     worse = replace(CONTENTS, islands=[replace(ISLAND, bounds=(0, 0, float("nan"), 1))])
     with pytest.raises(ValueError, match="not JSON compliant"):
         Manifest(tmp_path).write(worse)
-    assert json.loads((tmp_path / "mosaic.json").read_text())["revision"] == 1
+    assert document_at(tmp_path / "mosaic.json")["revision"] == 1
 
 
 def test_revision_rises_over_restarts_and_garbage(tmp_path: Path) -> None:
@@ -95,7 +104,7 @@ def test_full_disk_keeps_the_old_revision(tiny_disk: Path) -> None:
         with pytest.raises(DiskFull):
             manifest.write(replace(CONTENTS, frames=many), everything=everything)
         assert manifest.revision == 1
-        assert json.loads((tiny_disk / "mosaic.json").read_text())["revision"] == 1
+        assert document_at(tiny_disk / "mosaic.json")["revision"] == 1
         assert placements(tiny_disk)["revision"] == 1
         assert len(journal_lines(tiny_disk)) == 2
         assert (tiny_disk / "placements.jsonl").read_bytes().endswith(b"\n"), "half a line was taken back"

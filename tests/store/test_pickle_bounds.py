@@ -87,6 +87,7 @@ def loaded(folder: Path) -> object:
         return checkpoints.load()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", BOMBS)
 def test_crafted_checkpoints_are_damaged_ones(tmp_path: Path, name: str) -> None:
     """A checkpoint of 9 bytes cost 4.2 GB in `check`, and was called whole."""
@@ -177,6 +178,7 @@ states = st.recursive(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=80, deadline=None)
 @given(states)
 def test_all_that_is_written_is_read(state: object) -> None:

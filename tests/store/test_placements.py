@@ -17,7 +17,7 @@ from gcs_mosaic.store.journal import told_after
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.placements import Placements
 from gcs_mosaic.store.records import CoveredRecord
-from tests.documents import journal_lines, placements
+from tests.documents import document_at, journal_lines, placements
 from tests.store.ledger_parts import NEARLY_THE_SAME, an_estimate
 
 SHIFTED = replace(an_estimate(Pose(7, 8)), camera=Camera(40, 30, 1.3))
@@ -30,7 +30,7 @@ def news(number: int) -> FrameNews:
 
 
 def revision_of_whole(out: Path) -> int:
-    return int(json.loads((out / "placements.json").read_bytes())["revision"])
+    return int(document_at(out / "placements.json")["revision"])
 
 
 def test_journal_and_whole_say_at_every_revision_what_the_whole_alone_would(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_journal_and_whole_say_at_every_revision_what_the_whole_alone_would(tmp_
     for revision, change in enumerate(changes, start=1):
         few.write(revision, change, everything=False)
         all_of_it.write(revision, change, everything=True)
-        by_line, at_once = placements(told), json.loads((every / "placements.json").read_bytes())
+        by_line, at_once = placements(told), document_at(every / "placements.json")
         for document in (by_line, at_once):
             cameras = document.pop("cameras")
             document["frames"] = [frame | {"camera": cameras[frame["camera"]]} for frame in document["frames"]]

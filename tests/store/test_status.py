@@ -11,9 +11,11 @@ import pytest
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import LinkReport, Refusals, SourceReport
 from gcs_mosaic.stitch.graph.tearing import HeldOut
-from gcs_mosaic.store.documents import write_json
-from gcs_mosaic.store.records import Accounts, EventAccount, FrameAccount, NoticeRecord
+from gcs_mosaic.store.documents import compact, write_json
+from gcs_mosaic.store.records import Accounts, NoticeRecord
 from gcs_mosaic.store.status import Behind, LastFrame, Status, read_status, status_document, status_lines
+from gcs_mosaic.store.told_documents import EventAccount, FrameAccount, StatusDocument
+from tests.documents import misfits
 
 STATUS = Status(
     flight="today",
@@ -28,8 +30,15 @@ STATUS = Status(
 )
 
 
+def told(status: Status) -> dict[str, Any]:
+    """The document, as a reader has it."""
+    document: dict[str, Any] = json.loads(compact(status_document(status)))
+    assert misfits(StatusDocument, document) == []
+    return document
+
+
 def test_document_holds_moments_and_no_nan() -> None:
-    document = json.loads(json.dumps(status_document(STATUS), allow_nan=False))
+    document = told(STATUS)
     assert (document["format"], document["state"]) == (1, "flying")
     assert document["mavlink"][0]["last_heard"] == "2024-05-01T11:59:59.500Z"
     assert document["last_frame"]["seconds_to_tile"] is None
@@ -38,7 +47,7 @@ def test_document_holds_moments_and_no_nan() -> None:
 
 
 def test_daemon_that_has_seen_nothing_has_a_document() -> None:
-    document = status_document(Status(flight="f", state="listening", updated_utc=0.0, started_utc=0.0))
+    document = told(Status(flight="f", state="listening", updated_utc=0.0, started_utc=0.0))
     assert document["last_frame"] is None
     assert document["watch"] is None
 
@@ -58,7 +67,7 @@ def test_status_is_read_for_people(tmp_path: Path) -> None:
 
 
 def test_how_far_behind_the_map_is_is_told() -> None:
-    document = status_document(replace(STATUS, behind=Behind(frames=12, seconds=40.25)))
+    document = told(replace(STATUS, behind=Behind(frames=12, seconds=40.25)))
     assert (document["frames_in_queue"], document["seconds_behind"]) == (12, 40.2)
     assert any("the map is 12 frames, 40 s behind" in line for line in status_lines(document, STATUS.updated_utc))
     del document["seconds_behind"]  # as an older program wrote it
@@ -66,8 +75,8 @@ def test_how_far_behind_the_map_is_is_told() -> None:
 
 
 def test_how_good_the_map_is_is_told() -> None:
-    document = status_document(replace(STATUS, held_out={0: HeldOut(1.9, 9.12, 3120), 2: HeldOut(3.0, math.inf, 40)}))
-    assert json.loads(json.dumps(document, allow_nan=False))["held_out_px"]["0"] == {
+    document = told(replace(STATUS, held_out={0: HeldOut(1.9, 9.12, 3120), 2: HeldOut(3.0, math.inf, 40)}))
+    assert document["held_out_px"]["0"] == {
         "median": 1.9,
         "p95": 9.12,
         "matches": 3120,
@@ -78,7 +87,7 @@ def test_how_good_the_map_is_is_told() -> None:
 
 
 def test_status_of_an_earlier_program_is_still_read() -> None:
-    document = status_document(STATUS)
+    document = told(STATUS)
     del document["held_out_px"]
     assert not any("held-out" in line for line in status_lines(document, 0))
 
@@ -87,9 +96,7 @@ def test_the_last_frame_may_be_covered() -> None:
     last = LastFrame(
         name="b.jpg", outcome="covered", island=None, utc=1714564799.0, seconds_to_tile=None, covered_by="a.jpg"
     )
-    document: dict[str, Any] = status_document(
-        replace(STATUS, last_frame=last, accounts=Accounts(frames=FrameAccount(covered=3)))
-    )
+    document = told(replace(STATUS, last_frame=last, accounts=Accounts(frames=FrameAccount(covered=3))))
     assert document["last_frame"]["covered_by"] == "a.jpg"
     assert document["frames"]["covered"] == 3
     lines = status_lines(document, 0)
@@ -106,11 +113,11 @@ def test_what_a_link_left_out_is_told(tmp_path: Path) -> None:
         refused=Refusals(unsigned=5, replayed=1),
         sent=7,
     )
-    told: dict[str, Any] = status_document(replace(STATUS, mavlink=(link,)))
-    document = told["mavlink"][0]
+    whole = told(replace(STATUS, mavlink=(link,)))
+    document = whole["mavlink"][0]
     assert (document["other_triggers"], document["followed"], document["sent"]) == ({"4": 20, "9": 1}, 3, 7)
     assert document["refused"] == {"unsigned": 5, "forged": 0, "replayed": 1}
-    (line,) = (line for line in status_lines(status_document(replace(STATUS, mavlink=(link,))), 0) if "MAVLink" in line)
+    (line,) = (line for line in status_lines(whole, 0) if "MAVLink" in line)
     assert line == (
         "MAVLink udp:1: heard; 2 silences; triggers left out, as system 3 is followed: 20 of system 4, 1 of system 9; "
         "packets refused: 5 unsigned, 1 replayed; 7 packets sent"
@@ -129,7 +136,7 @@ def test_file_names_cannot_steer_the_terminal(tmp_path: Path) -> None:
 
 
 def test_status_as_json_is_the_document(tmp_path: Path) -> None:
-    assert json.loads(read_status(written(tmp_path, STATUS), as_json=True)) == status_document(STATUS)
+    assert json.loads(read_status(written(tmp_path, STATUS), as_json=True)) == told(STATUS)
 
 
 def test_status_that_cannot_be_read_is_a_clear_error(tmp_path: Path) -> None:

@@ -131,6 +131,7 @@ def names_ahead(count: int, components: int) -> list[TriggerEvent]:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("components", [1, 40])
 def test_forged_names_do_not_drag_real_shots_away(components: int) -> None:
     assert Flight(40, names_ahead(40, components)).right >= 38

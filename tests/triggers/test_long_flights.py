@@ -55,6 +55,7 @@ def test_of_a_long_flight_with_losses_the_right_pairs_are_there_or_can_be_chosen
         assert doubts.shifts
 
 
+@pytest.mark.long
 def test_a_link_that_was_gone_for_a_part_of_a_long_flight_shifts_nothing() -> None:
     flight = landed(MOST + 400, 0.0, 0.0, silent=range(300, 600))
     assert right(flight.pairs()) == len(flight.pairs()) >= MOST + 90

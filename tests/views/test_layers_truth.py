@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +17,7 @@ from sitl.flight import Flight, make
 from sitl.geometry import pixels_from_ground
 from sitl.path import Plan
 from sitl.similarity import robust_similarity
+from tests.documents import document_at
 from tests.running import run
 from tests.sure import sure
 
@@ -47,7 +47,7 @@ class Flown:
     @cached_property
     def metres(self) -> tuple[np.ndarray, float]:
         """Where the middles of the grid's cells lie on the ground (rows, columns, 2), and metres per canvas unit."""
-        placements = json.loads((self.out / "placements.json").read_bytes())["frames"]
+        placements = document_at(self.out / "placements.json")["frames"]
         truth = {frame.name: frame for frame in self.flight.truth().frames}
         canvas, ground = [], []
         for one in placements:
@@ -97,7 +97,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
     done = run("stitch", home / "pictures", "--out", home / "map", cwd=home)
     assert done.returncode == 0, done.stderr
     found = Flown(flight, home / "map")
-    assert len(json.loads((found.out / "placements.json").read_bytes())["frames"]) == len(found.there)
+    assert len(document_at(found.out / "placements.json")["frames"]) == len(found.there)
     return found
 
 
@@ -144,7 +144,7 @@ def test_where_only_a_blurred_frame_looked_the_map_says_so(flown: Flown) -> None
 
 def test_the_stated_deviation_holds_on_flat_ground(flown: Flown) -> None:
     """A cell is as sure as the surest frame that saw it; frames lie within three of their own."""
-    placements = json.loads((flown.out / "placements.json").read_bytes())["frames"]
+    placements = document_at(flown.out / "placements.json")["frames"]
     units = {one["name"]: one["corner_deviation_px"] for one in placements}
     stated = [units[flown.flight.names[number]] for number in flown.there]
     surest = flown.seen[0].surest

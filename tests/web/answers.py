@@ -11,7 +11,6 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from aiohttp import web
-from aiohttp.typedefs import Handler
 from jsonschema import Draft202012Validator
 
 from gcs_mosaic.web.api.openapi import description
@@ -43,9 +42,12 @@ class Described:
         kind = next((one for one in content if fnmatch(media_type, one)), None)
         if kind is None:
             return [f"{status} is {media_type}, not one of {', '.join(content)}"]
-        if kind != "application/json" or body is None:
+        if body is None or status == 206:
             return []
-        return self.misfits(content[kind]["schema"], json.loads(body))
+        if "x-itemSchema" in content[kind]:
+            items = content[kind]["x-itemSchema"]
+            return [fault for one in items_of(body) for fault in self.misfits(items, json.loads(one))]
+        return self.misfits(content[kind]["schema"], json.loads(body)) if kind == "application/json" else []
 
     def misfits(self, schema: dict[str, Any], document: Any) -> list[str]:
         key = json.dumps(schema)
@@ -71,17 +73,18 @@ def judging(make: MakeApp, complaints: list[str]) -> MakeApp:
         app = make(*given, **named)
         described = Described(app[DECLARED])
 
-        @web.middleware
-        async def judge(request: web.Request, handler: Handler) -> web.StreamResponse:
-            try:
-                response: web.StreamResponse = await handler(request)
-            except web.HTTPException as refusal:
-                complaints.extend(await _faults(described, request, refusal))
-                raise
+        async def judge(request: web.Request, response: web.StreamResponse) -> None:
             complaints.extend(await _faults(described, request, response))
-            return response
+            if response.content_type == "text/event-stream":
+                write = response.write
 
-        app.middlewares.insert(0, judge)
+                async def judged_write(data: bytes) -> None:
+                    complaints.extend(described.faults("GET", request.path, 200, response.content_type, data))
+                    await write(data)
+
+                response.write = judged_write  # type: ignore[method-assign, assignment]
+
+        app.on_response_prepare.append(judge)  # a file's status is known only then
         return app
 
     return made
@@ -89,7 +92,7 @@ def judging(make: MakeApp, complaints: list[str]) -> MakeApp:
 
 async def _faults(described: Described, request: web.Request, response: web.StreamResponse) -> list[str]:
     resource = request.match_info.route.resource
-    if resource is None:
+    if resource is None or response.status == 500:  # a handler that has raised is no answer
         return []
     path, method = resource.canonical, "GET" if request.method == "HEAD" else request.method
     body = response.body if isinstance(response, web.Response) and isinstance(response.body, bytes) else None
@@ -107,12 +110,19 @@ def judged() -> Iterator[list[str]]:
         yield found
 
 
-def faults_at(url: str, status: int, media_type: str, body: bytes) -> list[str]:
+def faults_at(url: str, status: int, media_type: str, body: bytes | None) -> list[str]:
     """Of an answer that another process has given to GET."""
     every = [one for room in (*ROOMS, *PROTOCOLS) for one in room.OPERATIONS]
     path = unquote(urlsplit(url).path)
     asked = (one for one in every if one.method == "GET" and re.fullmatch(_pattern(one), path))
     return [fault for one in asked for fault in Described(every).faults("GET", one.canonical, status, media_type, body)]
+
+
+def items_of(body: bytes) -> list[bytes]:
+    """The JSON in lines, or in server-sent events."""
+    return [
+        line.removeprefix(b"data: ") for line in body.splitlines() if line and not line.startswith((b":", b"event: "))
+    ]
 
 
 def _pattern(one: Operation) -> str:

@@ -16,8 +16,9 @@ from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.listing import FrameNews
 from gcs_mosaic.store.manifest import Contents, IslandEntry, Manifest
-from gcs_mosaic.store.records import Accounts, CoveredRecord, Estimate, EventAccount, FrameAccount, NoticeRecord
+from gcs_mosaic.store.records import Accounts, CoveredRecord, Estimate, NoticeRecord
 from gcs_mosaic.store.status import LastFrame, Status, status_document
+from gcs_mosaic.store.told_documents import EventAccount, FrameAccount
 
 MIDDLE = 1 << 15  # the tile of level 16 whose top left corner is the canvas' origin (but for half a pixel)
 RED, GREEN, BLUE = (0, 0, 255), (0, 200, 0), (255, 0, 0)

@@ -12,6 +12,7 @@ import pytest
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.web import app as app_module
+from gcs_mosaic.web import live as live_module
 from gcs_mosaic.web import recent_answers
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
@@ -197,7 +198,7 @@ def test_live_tells_the_revision_and_then_each_change(client: Client, feed: Feed
 
 
 def test_live_beats_while_nothing_happens(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(app_module, "HEARTBEAT_S", 0.05)
+    monkeypatch.setattr(live_module, "HEARTBEAT_S", 0.05)
     live = Live(client)
     live.message()
     assert live.line() == ": alive"

@@ -12,7 +12,8 @@ import pytest
 from jsonschema import Draft202012Validator
 from openapi_spec_validator import validate
 
-from gcs_mosaic.notes.storage.checked import Limits, Unfit
+from gcs_mosaic.notes.storage.checked import Unfit
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api.asked import read
 from gcs_mosaic.web.api.openapi import description
@@ -42,13 +43,13 @@ def operations() -> list[Operation]:
     return make_app(Path(), HttpAddress("127.0.0.1", 0))[DECLARED]
 
 
-def test_every_route_of_the_api_and_of_the_map_is_described(operations: list[Operation]) -> None:
+def test_every_route_but_those_of_the_page_itself_is_described(operations: list[Operation]) -> None:
     app = make_app(Path(), HttpAddress("127.0.0.1", 0))
     served = {
         (route.resource.canonical, route.method.lower())
         for route in app.router.routes()
         if route.resource is not None
-        and route.resource.canonical.startswith(("/api/", "/maps/"))
+        and route.resource.canonical not in ("/", "/sw.js", "/viewer", "/vehicle/{system}")
         and route.method != "HEAD"
     }
     document = description(operations)

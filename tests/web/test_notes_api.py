@@ -316,6 +316,7 @@ threading.Event().wait()
 """
 
 
+@pytest.mark.long
 def test_what_was_answered_with_success_outlives_a_kill(flight: MappedFlight) -> None:
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     command = [sys.executable, "-c", SERVE, str(flight.root)]

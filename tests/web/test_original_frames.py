@@ -86,6 +86,7 @@ def test_who_saw_a_place_comes_best_first_at_pixels_of_the_original(url: str) ->
     assert [one["covered"] for one in found] == [False] * 3
 
 
+@pytest.mark.long
 def test_nobody_saw_a_place_that_lies_outside_and_on_dead_rows_nothing_is_seen(flight: SmallFlight, url: str) -> None:
     client = Client(url)
     assert asked(client, -4000.0, 0.0) == []

@@ -70,6 +70,7 @@ def is_up(client: Client) -> bool:
         return False
 
 
+@pytest.mark.long
 def test_changes_reach_the_page_through_the_process(keeper: PageKeeper, client: Client) -> None:
     live = Live(client)
     assert live.message()["revision"] == 1

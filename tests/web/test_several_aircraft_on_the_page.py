@@ -9,8 +9,9 @@ import pytest
 
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.store.manifest import IslandEntry
-from gcs_mosaic.store.records import Accounts, FrameAccount
+from gcs_mosaic.store.records import Accounts
 from gcs_mosaic.store.status import AircraftStatus, Behind
+from gcs_mosaic.store.told_documents import FrameAccount
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer

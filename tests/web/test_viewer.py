@@ -17,10 +17,11 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.manifest import IslandEntry
-from gcs_mosaic.store.records import Accounts, FrameAccount
+from gcs_mosaic.store.records import Accounts
 from gcs_mosaic.store.status import Behind, Condition, LastFrame
+from gcs_mosaic.store.told_documents import FrameAccount
 from gcs_mosaic.web import access
-from gcs_mosaic.web import app as app_module
+from gcs_mosaic.web import live as live_module
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
@@ -187,6 +188,7 @@ def test_how_well_the_island_in_view_fits_is_told(page: Page, url: str, flight: 
     page.wait_for(f"!{TEXT}.includes('Fits to')")
 
 
+@pytest.mark.long
 def test_following_shows_the_newest_frame_where_it_is(page: Page, url: str, feed: Feed, flight: SmallFlight) -> None:
     flight.islands = [IslandEntry(id=0, bounds=(0, 0, 256, 256), minzoom=10, maxzoom=16, frames=1)]
     flight.place("a.jpg", 128, 128)
@@ -271,6 +273,7 @@ def test_the_outline_follows_a_covered_frame(page: Page, url: str, feed: Feed, f
     page.wait_for("Boolean(document.querySelector('[title=\"b.jpg: covered by a.jpg\"]'))")
 
 
+@pytest.mark.long
 def test_empty_page_says_what_is_waited_for(page: Page, url: str, flight: SmallFlight) -> None:
     flight.status(state="listening", last_frame=None)
     page.open(url)
@@ -501,7 +504,7 @@ def test_what_was_shown_stays_while_the_server_is_away_and_goes_on_when_it_is_ba
     server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed())
     url = server.start()
     shown_here(page, url, flight)
-    monkeypatch.setattr(app_module, "say_farewell", no_farewell)  # as a process that is killed
+    monkeypatch.setattr(live_module, "say_farewell", no_farewell)  # as a process that is killed
     server.stop()
     later(page, 6)
     page.wait_for(f"{TEXT}.includes('No connection to gcs-mosaic')", timeout_s=15)

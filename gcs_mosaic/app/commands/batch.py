@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+REFRESHES = 4.0  # of the progress bars a second: drawing them takes the interpreter from the stitching
 STAGES = ("decode", "features", "place", "paint", "write")
 
 
@@ -185,7 +186,7 @@ def prefetching(pipeline: Pipeline, config: Config) -> Preparation:
 def progress_on(console: Console) -> Progress:
     """Progress bars that disappear when done."""
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, transient=True)
+    return Progress(*columns, console=console, transient=True, refresh_per_second=REFRESHES)
 
 
 def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:

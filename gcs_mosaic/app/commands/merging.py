@@ -195,10 +195,9 @@ def _take_over(pipeline: Pipeline, source: MergedFlight, config: Config, shelf: 
     """What a flight has found, if its checkpoint has it; returns what was done, for the operator."""
     again = f"{source.path}: its frames are stitched again, because"
     checkpoints = checkpoints_of(source.path, config, shelf, read_only=True)
-    if checkpoints is None:
-        return f"{again} the paper's recipe keeps nothing to go on from"
-    with closing(checkpoints):
-        saved = saved_flight(checkpoints, config)
+    saved = saved_flight(checkpoints, config)
+    if checkpoints is not None:
+        checkpoints.close()
     if isinstance(saved, Unusable):
         return f"{again} {saved.reason}"
     try:

@@ -38,7 +38,7 @@ from gcs_mosaic.messages import DamagedFile, Frame, Notice
 from gcs_mosaic.notes.anchors.anchor_setting import let_positions_lay
 from gcs_mosaic.store.flight_store import StoreHooks
 from gcs_mosaic.store.folder import open_flight_folder
-from gcs_mosaic.store.records import EventAccount
+from gcs_mosaic.store.told_documents import EventAccount
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 
 _FOUND_AFTER = 1.5  # looks: a file is accepted at the second look that finds it unchanged

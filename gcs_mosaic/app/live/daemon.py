@@ -52,7 +52,8 @@ from gcs_mosaic.store.folder import FlightFolder
 from gcs_mosaic.store.log import LogFile, said, streams_json
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
-from gcs_mosaic.store.status import AircraftStatus, Behind, DaemonState, LastFrame
+from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame
+from gcs_mosaic.store.told_documents import DaemonState
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
 
@@ -112,13 +113,11 @@ def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> lis
 
 
 def _preparation_of(config: Config, pipeline: Pipeline, woken: Callable[[], None]) -> Preparation:
-    turns = _turns_of(config)
+    turns = AsTheyCame() if pipeline.mosaic.in_order else _turns_of(config)
     return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels, turns, woken)
 
 
 def _turns_of(config: Config) -> Turns:
-    if config.method == "paper":  # permanently rejects a frame that does not overlap its predecessor
-        return AsTheyCame()
     return InTurn(prepared_at_once(os.cpu_count() or 1)) if config.sources else NewestFirst()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -105,7 +106,7 @@ class Pipeline(Kept):
         self.decoders = Decoders(config.decode, config.frames.max_pixels)
         parts = self._worker, self.load_original, self._note_painted, out, observer, self._shelf.shelve
         method = method_of(config, *parts, self._finer_features, punctual=punctual, paint_live=paint_live)
-        self.mosaic, self._renderer = method.stitcher, method.renderer
+        self.mosaic, self._renderer = method.mosaic, method.renderer
         # Features of an image, by `reduction`, used for placing. May be called from any thread.
         self.features_of, self.feature_pixels = method.features_of, method.feature_pixels
         self._said_problems: dict[str, str | None] = {}  # last one reported, by source or by operation
@@ -135,7 +136,6 @@ class Pipeline(Kept):
 
         Raises whatever a checkpoint raises that does not fit; then all is as before.
         """
-        assert isinstance(self.mosaic, Mosaic), "the paper's recipe has no checkpoint"
         other = Mosaic(self.mosaic.settings, shelve=self._shelf.shelve)
         other.load(saved["mosaic"])
         with transaction(self):
@@ -242,8 +242,7 @@ class Pipeline(Kept):
         with stage("place", name):
             in_sight = self._renderer.in_sight(prepared.features, prepared.image, aircraft)
             outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), aircraft)
-        with stage("adjust", name):
-            self._adjusted(self.mosaic.adjust)
+        self._adjusted(self.mosaic.adjust, name)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
         if state is not FrameState.REJECTED:
@@ -280,7 +279,8 @@ class Pipeline(Kept):
     def _connected_some(self) -> bool:
         """Compare some unconnected frames that look alike; returns whether there are more."""
         try:
-            more = self.mosaic.connect_some()
+            with stage("connect", ""):
+                more = self.mosaic.connect_some()
         except Exception as error:
             logger.exception("frames could not be compared")
             self._say_problem(
@@ -321,7 +321,6 @@ class Pipeline(Kept):
 
     def link_across(self) -> None:
         """After `settle`, of several flights: link them wherever they overlap, and adjust again."""
-        assert isinstance(self.mosaic, Mosaic), "the paper's recipe links nothing"
         self._tried(self.mosaic.link_across, "frames of several flights could not be linked")
         self._adjusted(partial(self.mosaic.adjust, everything=True))
         with transaction(self):
@@ -329,7 +328,14 @@ class Pipeline(Kept):
 
     def repaint_all(self) -> Iterator[None]:
         """Repaint everything at its final place and brightness, step by step; may be abandoned at any step when time is up."""
-        yield from self._render_stage.repaint_all(self.mosaic.placements())
+        with closing(self._render_stage.repaint_all(self.mosaic.placements())) as steps:
+            while self._one_more(steps):
+                yield
+
+    def _one_more(self, steps: Iterator[None]) -> bool:
+        """Whether there was another step of repainting to do."""
+        with stage("repaint", ""):
+            return next(steps, False) is None
 
     def _paint_moved(self, prepared: DecodedFrame | None) -> tuple[str, ...]:
         """Paint newly placed frames and return their names; note those that must be repainted elsewhere."""
@@ -349,9 +355,10 @@ class Pipeline(Kept):
             self.store.settle(covered.name, FrameState.COVERED, None)
             self.store.note_replaced(covered, size)
 
-    def _adjusted(self, adjust: Callable[[], T]) -> T | None:
+    def _adjusted(self, adjust: Callable[[], T], of: str = "") -> T | None:
         """A failure here must not reject the frame just placed: the map is valid without the adjustment."""
-        found = self._tried(adjust, "the map could not be adjusted")
+        with stage("adjust", of):
+            found = self._tried(adjust, "the map could not be adjusted")
         self._say_problem("adjustment", self.mosaic.problem)
         self._say_problem("features", self._shelf.problem)
         return found

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 
-from gcs_mosaic.app.pipeline.method import Renderer
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, thumbnail
 from gcs_mosaic.messages import Notice
-from gcs_mosaic.render.repaint_queue import Step
+from gcs_mosaic.render.repaint_queue import RepaintQueue, Step
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept, transaction
@@ -68,7 +67,7 @@ class RenderStage(Kept):
 
     def __init__(
         self,
-        renderer: Renderer,
+        renderer: RepaintQueue,
         store: FlightStore,
         whole: Kept,
         load_original: Callable[[str], Bands | None],
@@ -107,7 +106,7 @@ class RenderStage(Kept):
         self._repaint(steps)
         return bool(steps)
 
-    def repaint_all(self, placements: Iterable[Placement]) -> Iterator[None]:
+    def repaint_all(self, placements: Iterable[Placement]) -> Generator[None, None, None]:
         """Repaint everything at its final place and brightness, step by step."""
         for steps in self._renderer.final_steps(placements):
             self._repaint(steps)

@@ -73,11 +73,9 @@ def open_flight(config: Config) -> OpenedFlight:
 def open_stitch(config: Config) -> OpenedFlight:
     """The newest flight of `out`, to be gone on with by `stitch`: what it has found so far is taken if it can be, else its frames
     are stitched again. Raises UsageError."""
-    if config.method == "paper":
-        raise UsageError(f"--resume: {PAPER.reason}: leave out --resume, the map is written beside the earlier one")
     folder = resume_flight_folder(Path(config.out))
     opened = _opened(folder, config)
-    saved = PAPER if opened.checkpoints is None else saved_flight(opened.checkpoints, config)
+    saved = saved_flight(opened.checkpoints, config)
     if not isinstance(saved, Unusable):
         return replace(opened, saved=saved)
     said = f"{folder.said}; {saved.reason}, so its frames are stitched again"
@@ -101,8 +99,7 @@ def _opened(folder: FlightFolder, config: Config) -> OpenedFlight:
 def _resumed(folder: FlightFolder, config: Config, *, by_itself: bool = False) -> OpenedFlight:
     """Raises UsageError, the folder being closed, if its flight cannot be resumed."""
     opened = _opened(folder, config)
-    checkpoints = opened.checkpoints
-    saved = PAPER if checkpoints is None else saved_flight(checkpoints, config, same_source=by_itself)
+    saved = saved_flight(opened.checkpoints, config, same_source=by_itself)
     if not isinstance(saved, Unusable):
         return replace(opened, saved=saved)
     if saved.stitch_again:
@@ -132,9 +129,9 @@ def source_of(config: Config) -> str:
     return ", ".join(f"{one.vehicle}={source_of(config.of_source(one))}" for one in in_order)
 
 
-def saved_flight(checkpoints: Checkpoints, config: Config, *, same_source: bool = False) -> Snapshot | Unusable:
+def saved_flight(checkpoints: Checkpoints | None, config: Config, *, same_source: bool = False) -> Snapshot | Unusable:
     """A flight's saved state, its `pipeline` being for `Pipeline.resume`, or why it cannot be resumed with these settings."""
-    saved = checkpoints.load()
+    saved = PAPER if checkpoints is None else checkpoints.load()
     if isinstance(saved, Unusable):
         return saved
     if not isinstance(saved, dict) or not isinstance(saved.get("pipeline"), dict):

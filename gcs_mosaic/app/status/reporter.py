@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import sqlite3
 import time
@@ -19,11 +18,13 @@ from rich.markup import escape
 from gcs_mosaic.app.status.conditions import Conditions, Facts
 from gcs_mosaic.messages import Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.store.disk import CannotWrite, DiskFull, overwrite, write_beside
+from gcs_mosaic.store.documents import compact
 from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
 from gcs_mosaic.store.records import Accounts, FlightRecord, NoticeRecord
-from gcs_mosaic.store.status import AircraftStatus, Behind, DaemonState, LastFrame, Status, status_document
+from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame, Status, status_document
+from gcs_mosaic.store.told_documents import DaemonState
 
 logger = logging.getLogger(__name__)
 
@@ -133,7 +134,7 @@ class Reporter:
             notices=tuple(self._notices),
         )
         room = STATUS_BYTES + AIRCRAFT_BYTES * len(status.aircraft)
-        self._put(json.dumps(status_document(status), separators=(",", ":")).ljust(room).encode("ascii"))
+        self._put(compact(status_document(status)).ljust(room).encode("ascii"))
         self._written = time.monotonic()
         for notice in self.conditions.fresh():
             self.say(notice)

@@ -135,7 +135,7 @@ def anchor_of(islands: Mapping[int, IslandAnchor]) -> Callable[[GroundPlace], Ge
 def anchored(islands: Mapping[int, IslandAnchor]) -> list[IslandScale]:
     """The scales that anchors tell."""
     return [
-        IslandScale(island=one.island, metres_per_unit=one.anchor.metres_per_unit, source="anchor")
+        IslandScale(island=one.island, metres_per_unit=one.anchor.metres_per_unit, source="anchor", scale=None)
         for one in islands.values()
         if one.anchor is not None
     ]

@@ -37,7 +37,7 @@ class IslandScale:
     island: int
     metres_per_unit: Annotated[float, "of the canvas"]
     source: Literal["distance", "anchor"]
-    scale: Annotated[int | None, "id of the distance"] = None
+    scale: Annotated[int | None, "id of the distance"]
 
 
 def metres_per_unit(one: GroundPlace, other: GroundPlace, metres: float) -> float | None:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from gcs_mosaic.notes.storage.book import NotesBook
-from gcs_mosaic.notes.storage.checked import Limits, Unfit, Utc, Who
+from gcs_mosaic.notes.storage.checked import Unfit, Utc, Who
+from gcs_mosaic.store.documents import Limits
 
 HINT = re.compile(r"[A-Za-z0-9._:-]{1,100}")  # key of a hint
 HintKey = Annotated[str, Limits(shortest=1, longest=100, pattern=f"^{HINT.pattern}$"), "key of a hint"]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import unicodedata
-from dataclasses import dataclass
 from typing import Annotated, Any
+
+from gcs_mosaic.store.documents import Limits
 
 LONGEST_NAME = 60  # characters: of who has made something, of a kind
 LONGEST_LABEL = 120
@@ -15,18 +16,6 @@ FLOWING = "\n\t"  # what a note may have of control characters
 TURNING = frozenset(
     "\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
 )  # the direction of writing
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
-    """What a value may be that is asked or answered, beside its type in an annotation."""
-
-    least: float | None = None
-    most: float | None = None
-    shortest: int | None = None  # characters
-    longest: int | None = None
-    pattern: str | None = None  # of the whole text
-    lines: bool = False  # a text may have line ends
 
 
 Who = Annotated[str, Limits(shortest=1, longest=LONGEST_NAME)]

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -33,12 +35,12 @@ class Camera:
     Lengths are in half-diagonals, independent of the frame's size.
     """
 
-    width: int  # px
-    height: int  # px
+    width: Annotated[int, "px"]
+    height: Annotated[int, "px"]
     focal: float = 1.5
     k1: float = 0.0
     k2: float = 0.0
-    shift_x: float = 0.0  # of the principal point from the middle of the frame
+    shift_x: Annotated[float, "of the principal point from the middle of the frame"] = 0.0
     shift_y: float = 0.0
 
     @property
@@ -66,7 +68,7 @@ class Camera:
     @property
     def reach(self) -> float:
         """Radius (undistorted, in focal lengths) at which the distortion would fold the image back; often infinite."""
-        return float(lens_reach(np.array([self.k1]), np.array([self.k2]))[0])
+        return _reach_of(self.k1, self.k2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +144,11 @@ def lens_reach(k1: Vector, k2: Vector) -> Vector:
     return np.asarray(np.sqrt(squared))
 
 
+@lru_cache(maxsize=64)  # asked for at every projection, of the few lenses of a flight
+def _reach_of(k1: float, k2: float) -> float:
+    return float(lens_reach(np.array([k1]), np.array([k2]))[0])
+
+
 def distort(camera: Camera, undistorted: PointsNx2) -> PointsNx2:
     """Apply lens distortion to (n, 2); NaN beyond the radius where it would fold the image back."""
     r2 = (undistorted**2).sum(axis=1, keepdims=True)
@@ -165,11 +172,12 @@ def undistorted_radius(
     distorted: Vector, k1: Vector | float, k2: Vector | float, reach: Vector | float
 ) -> tuple[Vector, Mask]:
     """Undistorted radii (n,), and which of them exist (those beyond `reach` are clamped just inside it)."""
-    r = np.minimum(distorted, 0.99 * reach)
+    r, most, by_r2, by_r4 = np.minimum(distorted, 0.99 * reach), 0.9999 * reach, 3 * k1, 5 * k2
     for _ in range(UNDISTORT_STEPS):
         r2 = r**2
-        slope = np.maximum(1 + r2 * (3 * k1 + 5 * k2 * r2), LEAST_SLOPE)
-        r = np.clip(r - (r * (1 + r2 * (k1 + k2 * r2)) - distorted) / slope, 0, 0.9999 * reach)
+        slope = np.maximum(1 + r2 * (by_r2 + by_r4 * r2), LEAST_SLOPE)
+        # Not np.clip, which takes as long as all the rest on a few points.
+        r = np.minimum(np.maximum(r - (r * (1 + r2 * (k1 + k2 * r2)) - distorted) / slope, 0), most)
     error = abs(r * (1 + r**2 * (k1 + k2 * r**2)) - distorted)
     return r, np.asarray(error < 1e-6)
 

@@ -18,12 +18,12 @@ from gcs_mosaic.geo.positions import PositionedMap
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor
 from gcs_mosaic.notes.anchors.pins import NewPin, SetPin
 from gcs_mosaic.notes.ground.places import PlaceAnswer, place_answer
-from gcs_mosaic.notes.storage.checked import FURTHEST, LONGEST_LABEL, Limits, Unfit, Utc, Who
+from gcs_mosaic.notes.storage.checked import FURTHEST, LONGEST_LABEL, Unfit, Utc, Who
+from gcs_mosaic.store.documents import Limits, told_of
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Canvas, IslandNumber, Notes, PlacedBody, bound, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
-from gcs_mosaic.web.api.schema import told_of
 
 PIN = BASE + r"/pins/{id:[0-9]{1,9}}"
 OPERATIONS = Operations()

@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 from aiohttp import web
 
-from gcs_mosaic.notes.storage.checked import Limits, Unfit, number_of, text_of, whole_of
+from gcs_mosaic.notes.storage.checked import Unfit, number_of, text_of, whole_of
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.common import body_of
 from gcs_mosaic.web.api.schema import fields_of
 

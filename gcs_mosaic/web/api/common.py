@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -11,8 +10,9 @@ from typing import Any, TypeVar
 
 from aiohttp import web
 
+from gcs_mosaic.store.documents import told_of
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.api.schema import told_of
+from gcs_mosaic.web.tile_answer import tagged
 
 BASE = "/api/v1"
 THREADS = 2  # for questions; stitching has priority on the cores
@@ -64,11 +64,7 @@ def answer(document: Any, status: int = 200, **headers: str) -> web.Response:
 
 def told_anew(request: web.Request, document: Any) -> web.Response:
     """A JSON answer with an ETag; 304 to whom knows it."""
-    data = text_of_json(document).encode()
-    etag = hashlib.blake2b(data, digest_size=12).hexdigest()
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    return web.Response(body=data, content_type="application/json", headers={"ETag": f'"{etag}"'})
+    return tagged(request, text_of_json(document).encode(), "application/json")
 
 
 def text_of_json(document: Any) -> str:

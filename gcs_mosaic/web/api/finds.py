@@ -18,11 +18,11 @@ from gcs_mosaic.notes.storage.checked import (
     LONGEST_LABEL,
     LONGEST_NAME,
     LONGEST_NOTE,
-    Limits,
     Unfit,
     Utc,
     Who,
 )
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Notes, PlacedBody, bound, id_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Literal
@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from aiohttp import web
 
-from gcs_mosaic.notes.storage.checked import Limits
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.picture_tiles import KEPT_S, PictureTiles
 from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, original, picture
 from gcs_mosaic.views.sightings import Sighting, sightings
@@ -19,6 +19,7 @@ from gcs_mosaic.web.api.asked import asked_query
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.api.schema import fields_of
+from gcs_mosaic.web.tile_answer import is_known
 
 LARGEST_CROP = 1024  # px
 CROP_KEPT_S = 3600  # by the browser: a frame's content does not change
@@ -107,7 +108,7 @@ async def who_saw(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"{FRAME}/picture",
-    Reply("A picture that browsers show.", SHOWN, tagged=True),
+    Reply("A picture that browsers show.", SHOWN, tagged=True, ranged=True),
     query=PictureQuery,
     failures=NO_PICTURE,
 )
@@ -117,7 +118,7 @@ async def shown(request: web.Request) -> web.StreamResponse:
     view, frame = request.app[VIEW], int(request.match_info["frame"])
     source = await _source(request)
     etag = f"{source.shown_as}-{reduction}"
-    if any(known.value == etag for known in request.if_none_match or ()):
+    if is_known(request, etag):
         return web.Response(status=304, headers={"ETag": f'"{etag}"'})
     if reduction == 1 and is_shown_as_it_is(source):
         return web.FileResponse(
@@ -138,19 +139,8 @@ async def shown(request: web.Request) -> web.StreamResponse:
 )
 async def piece(request: web.Request) -> web.StreamResponse:
     """512 x 512 px of a large frame as it is shown, at full resolution."""
-    frame, column, row = (int(request.match_info[name]) for name in ("frame", "column", "row"))
-    source = await _source(request)
-    etag = f"{source.shown_as}-{column}-{row}"
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    pieces = request.app[PIECES]
-    try:
-        data = await in_thread(request, pieces.piece, request.app[VIEW], frame, column, row)
-    except NoPicture as error:
-        raise missing(str(error)) from error
-    finally:
-        asyncio.get_running_loop().call_later(KEPT_S + 1, pieces.forget)
-    return web.Response(body=data, content_type="image/jpeg", headers={"ETag": f'"{etag}"'})
+    column, row = (int(request.match_info[name]) for name in ("column", "row"))
+    return await _cut(request, f"{column}-{row}", request.app[PIECES].piece, column, row)
 
 
 @OPERATIONS.add(
@@ -162,24 +152,30 @@ async def piece(request: web.Request) -> web.StreamResponse:
 )
 async def crop(request: web.Request) -> web.StreamResponse:
     """The square about a pixel of a frame as it is shown, at full resolution."""
-    frame, asked = int(request.match_info["frame"]), asked_query(request, CropQuery)
+    asked = asked_query(request, CropQuery)
     x, y, side = asked.x, asked.y, asked.side
-    source = await _source(request)
-    etag = f"{source.shown_as}-{x:.0f}-{y:.0f}-{side}"
-    headers = {"ETag": f'"{etag}"', "Cache-Control": f"private, max-age={CROP_KEPT_S}"}
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers=headers)
-    pieces = request.app[PIECES]
+    told = await _cut(request, f"{x:.0f}-{y:.0f}-{side}", request.app[PIECES].crop, x, y, side)
+    told.headers["Cache-Control"] = f"private, max-age={CROP_KEPT_S}"
+    return told
+
+
+async def _cut(request: web.Request, where: str, cut: Callable[..., bytes], *of_frame: float) -> web.Response:
+    """What is cut out of the frame, or 304."""
+    etag = f"{(await _source(request)).shown_as}-{where}"
+    if is_known(request, etag):
+        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
     try:
-        data = await in_thread(request, pieces.crop, request.app[VIEW], frame, x, y, side)
+        data = await in_thread(request, cut, request.app[VIEW], int(request.match_info["frame"]), *of_frame)
     except NoPicture as error:
         raise missing(str(error)) from error
     finally:
-        asyncio.get_running_loop().call_later(KEPT_S + 1, pieces.forget)
-    return web.Response(body=data, content_type="image/jpeg", headers=headers)
+        asyncio.get_running_loop().call_later(KEPT_S + 1, request.app[PIECES].forget)
+    return web.Response(body=data, content_type="image/jpeg", headers={"ETag": f'"{etag}"'})
 
 
-@OPERATIONS.add("GET", f"{FRAME}/original", Reply("The file as it came.", FILE), failures=NO_PICTURE)
+@OPERATIONS.add(
+    "GET", f"{FRAME}/original", Reply("The file as it came.", FILE, tagged=True, ranged=True), failures=NO_PICTURE
+)
 async def download(request: web.Request) -> web.StreamResponse:
     """The original file under its own name."""
     source = await _source(request)

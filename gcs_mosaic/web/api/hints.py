@@ -19,7 +19,8 @@ from gcs_mosaic.hints.ranking import RankedHint, Reason, ranked
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.notes.search.dismissed_hints import HintKey
 from gcs_mosaic.notes.search.hint_wishes import PickedColour
-from gcs_mosaic.notes.storage.checked import LONGEST_LABEL, Limits, Unfit, Utc, Who
+from gcs_mosaic.notes.storage.checked import LONGEST_LABEL, Unfit, Utc, Who
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import NoPicture, displayed
 from gcs_mosaic.views.sightings import sightings

@@ -24,8 +24,9 @@ from gcs_mosaic.notes.search.dismissed_hints import DismissedHints
 from gcs_mosaic.notes.search.hint_wishes import HintWishes
 from gcs_mosaic.notes.search.reviews import Reviews
 from gcs_mosaic.notes.storage.book import NotesBook
-from gcs_mosaic.notes.storage.checked import FURTHEST, Limits, Unfit
+from gcs_mosaic.notes.storage.checked import FURTHEST, Unfit
 from gcs_mosaic.store.disk import CannotWrite, DiskFull
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.api.common import in_thread

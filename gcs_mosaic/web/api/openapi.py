@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from gcs_mosaic.web.api.common import LARGEST_BODY
-from gcs_mosaic.web.api.operations import PARAMETER, Failures, Media, Operation, Reply
+from gcs_mosaic.web.api.operations import PARAMETER, Failures, Lines, Media, Operation, Reply
 from gcs_mosaic.web.api.schema import Schema, Schemas
 
 ABOUT = (
@@ -24,6 +24,10 @@ WRITING = {403: "Who may only look, or another site's page, may not write."}
 SENDING = {
     413: f"The body is too large ({LARGEST_BODY >> 10} KiB at most).",
     415: "The body's charset is not known.",
+}
+PARTS: Failures = {
+    412: "The file is another by now, by If-Match or If-Unmodified-Since.",
+    416: Reply("The file has no such part.", None),
 }
 DIGITS = re.compile(r"\[0-9\]\{1,(\d+)\}")
 CHOICE = re.compile(r"\(([\w|]+)\)")
@@ -62,10 +66,16 @@ def answers_of(one: Operation) -> dict[int, Reply]:
         **(WRITING if one.changes_something else {}),
         **(SENDING if one.body is not None else {}),
         **({304: Reply("Known already, by If-None-Match.", None)} if one.answer.tagged else {}),
+        **(_parts(one.answer) if one.answer.ranged else {}),
         **one.failures,
         one.answer.status: one.answer,
     }
     return {status: Reply(told) if isinstance(told, str) else told for status, told in sorted(said.items())}
+
+
+def _parts(whole: Reply) -> Failures:
+    types = whole.content.types if isinstance(whole.content, Media) else ("application/json",)
+    return {206: Reply("The part that Range asks for.", Media(types)), **PARTS}
 
 
 def _response(answer: Reply, schemas: Schemas) -> dict[str, Any]:
@@ -81,7 +91,8 @@ def _content(content: Any, schemas: Schemas) -> dict[str, Any]:
     if not isinstance(content, Media):
         return {"application/json": {"schema": schemas.of(content)}}
     text = {"type": "string"} if content.is_text else {"type": "string", "format": "binary"}
-    return {kind: {"schema": text} for kind in content.types}
+    each = {"x-itemSchema": {"anyOf": [*map(schemas.of, content.kinds)]}} if isinstance(content, Lines) else {}
+    return {kind: {"schema": text, **each} for kind in content.types}
 
 
 def _in_path(one: Operation) -> list[dict[str, Any]]:

@@ -33,13 +33,28 @@ class Media:
 
 
 @dataclass(frozen=True, slots=True)
+class Lines(Media):
+    """Several JSON documents, of `kinds`: one on each line, or as the data of each server-sent event."""
+
+    kinds: tuple[Any, ...]
+
+    @property
+    def is_endless(self) -> bool:
+        return "text/event-stream" in self.types
+
+
+@dataclass(frozen=True, slots=True)
 class Reply:
-    """`content`: the type of the JSON, or Media; None for nothing. `tagged`: with an ETag, and 304 to whom knows it."""
+    """`content`: the type of the JSON, or Media; None for nothing. `tagged`: with an ETag, and 304 to whom knows it.
+
+    `ranged`: parts can be asked for by Range (a large file; what is small is answered whole).
+    """
 
     about: str
     content: Any = Media(("text/plain",))
     status: int = 200
     tagged: bool = False
+    ranged: bool = False
 
 
 Failures = Mapping[int, str | Reply]
@@ -112,7 +127,8 @@ def add_operations(app: web.Application, operations: Iterable[Operation]) -> Non
         if one.changes_something:
             app.router.add_route(one.method, one.path, writing(one.handler))
         else:
-            app.router.add_get(one.path, reading(one.handler))
+            endless = isinstance(one.answer.content, Lines) and one.answer.content.is_endless
+            app.router.add_get(one.path, reading(one.handler), allow_head=not endless)
 
 
 def writing(handler: Handler) -> Handler:

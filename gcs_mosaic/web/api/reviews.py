@@ -9,8 +9,9 @@ from typing import Annotated
 from aiohttp import web
 
 from gcs_mosaic.notes.search.reviews import CELL, CELL_LEVEL, LONGEST_LOOK_S, Question, ReviewedView, seen_cells
-from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Limits, Unfit, Utc, Who
+from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Unfit, Utc, Who
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, Canvas, IslandNumber

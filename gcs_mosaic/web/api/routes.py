@@ -9,6 +9,7 @@ from aiohttp import web
 
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.web import documents, live, tiles
 from gcs_mosaic.web.api import anchors, finds, flight, frames, hints, hints_dismissed, layers, maps, reviews, scale
 from gcs_mosaic.web.api.common import POOL, THREADS, VIEW
 from gcs_mosaic.web.api.notes import add_notes
@@ -26,6 +27,9 @@ ROOMS = (
     hints_dismissed,
     anchors,
     maps,
+    documents,
+    tiles,
+    live,
 )  # modules with OPERATIONS
 
 

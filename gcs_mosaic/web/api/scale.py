@@ -12,7 +12,8 @@ from gcs_mosaic.notes.anchors.anchoring import anchored
 from gcs_mosaic.notes.anchors.pins import SetPin
 from gcs_mosaic.notes.anchors.scales import LEAST_UNITS, IslandScale, KnownDistance, island_scales, metres_per_unit
 from gcs_mosaic.notes.ground.places import PlaceAnswer, place_answer
-from gcs_mosaic.notes.storage.checked import Limits, Unfit, Utc, Who
+from gcs_mosaic.notes.storage.checked import Unfit, Utc, Who
+from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, CanvasPoint, IslandNumber, Notes, id_of

@@ -11,13 +11,16 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from gcs_mosaic.notes.storage.checked import Limits
+from gcs_mosaic.store.documents import Limits
 
 Schema = dict[str, Any]
 NAMES = {int: "integer", float: "number", str: "string", bool: "boolean", NoneType: "null"}
 WORDS = {"least": "minimum", "most": "maximum", "shortest": "minLength", "longest": "maxLength", "pattern": "pattern"}
-SUFFIXES = ("Answer", "Body")  # of classes that share the program with others of the name by which the API knows them
-ASKED = ("Body", "Query")  # what has a default need not be sent, whereas all is answered
+SUFFIXES = ("Answer", "Body", "Document", "Entry")  # of classes that others of the program share a name with but for it
+ASKED = (
+    "Body",
+    "Query",
+)  # what has a default need not be sent; of what is told only None is left out, where it is the default
 
 
 class Schemas:
@@ -74,7 +77,11 @@ class Schemas:
                 one: self.of(hint) | (_default(field) if asked else {})
                 for one, (field, hint) in fields_of(kind).items()
             }
-            needed = [one for one, (field, _) in fields_of(kind).items() if not asked or field.default is MISSING]
+            needed = [
+                one
+                for one, (field, _) in fields_of(kind).items()
+                if (field.default is MISSING if asked else field.default is not None)
+            ]
             about = {"description": said} if (said := doc_of(kind)) else {}
             closed = {"additionalProperties": False} if self._closed else {}
             self.named[name] = {"type": "object", "properties": told, "required": needed, **about, **closed}
@@ -104,11 +111,6 @@ def fields_of(kind: Any) -> dict[str, tuple[Field[Any], Any]]:
 def _fields_of(kind: Any) -> dict[str, tuple[Field[Any], Any]]:
     hints = get_type_hints(kind, include_extras=True)
     return {one.name.rstrip("_"): (one, hints[one.name]) for one in fields(kind)}
-
-
-def told_of(value: Any) -> dict[str, Any]:
-    """What `json.dumps` makes a dataclass of. Raises TypeError for anything else."""
-    return {name: getattr(value, field.name) for name, (field, _) in fields_of(type(value)).items()}
 
 
 def _default(field: Field[Any]) -> Schema:

@@ -10,15 +10,15 @@ import sys
 from collections.abc import Iterable
 
 from gcs_mosaic.web.api.openapi import answers_of
-from gcs_mosaic.web.api.operations import PARAMETER, Media, Operation
+from gcs_mosaic.web.api.operations import PARAMETER, Lines, Media, Operation
 from gcs_mosaic.web.api.routes import ROOMS
 from gcs_mosaic.web.api.schema import Schema, Schemas
 
 NAMES = {"integer": "number", "number": "number", "string": "string", "boolean": "boolean", "null": "null"}
-# What is under the API's address and not in the table is a mistake; other documents of the server are not described.
+# What is not in the table is a mistake.
 BY_ADDRESS = """\
   type AnswerTo<Method extends string, Path extends string> = `${Method} ${Path}` extends keyof Answers
-    ? Answers[`${Method} ${Path}`] : Path extends `/api/${string}` ? never : any;
+    ? Answers[`${Method} ${Path}`] : never;
   type BodyOf<Method extends string, Path extends string> = `${Method} ${Path}` extends keyof Bodies
     ? Omit<Bodies[`${Method} ${Path}`], "who"> : {};
 """
@@ -26,10 +26,12 @@ BY_ADDRESS = """\
 
 def declarations(operations: Iterable[Operation]) -> str:
     """The text of a .d.ts file."""
-    schemas = Schemas()
+    schemas, operations = Schemas(), list(operations)
     spoken = [one for one in operations if not isinstance(one.answer.content, Media)]
     answers = [line for one in spoken for line in _lines(one, _answer(one, schemas))]
     bodies = [line for one in spoken if one.body for line in _lines(one, type_of(schemas.of(one.body)))]
+    for content in (one.answer.content for one in operations):
+        _ = [*map(schemas.of, content.kinds)] if isinstance(content, Lines) else []
     interfaces = [_interface(name, schema) for name, schema in sorted(schemas.named.items())]
     tables = [
         f"  interface {name} {{\n{''.join(lines)}  }}\n" for name, lines in (("Answers", answers), ("Bodies", bodies))

@@ -17,9 +17,15 @@ from gcs_mosaic.notes.finds.finds import Find, placed
 from gcs_mosaic.notes.ground.binding import GroundFollower, GroundPlace
 from gcs_mosaic.notes.ground.places import GeoPlace
 from gcs_mosaic.web.api.notes import NOTES
-from gcs_mosaic.web.api.operations import Media, Operations, Reply
+from gcs_mosaic.web.api.operations import Media, Reply
 from gcs_mosaic.web.maps.addresses import MOBAC_NAME, MapAddresses, addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, MAP, NOTHING, OF_FLIGHT, LookQuery, TokenQuery, document, map_now
+from gcs_mosaic.web.maps.common import (
+    MAP,
+    LookQuery,
+    MapOperations,
+    document,
+    map_now,
+)
 from gcs_mosaic.web.maps.served_map import MapNow
 
 REFRESH_MS = (
@@ -30,17 +36,10 @@ OURS = uuid.UUID("6c1b8f0e-5f0b-4c39-9a53-8a5a0f7f5c11")  # of names of flights
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # of files in the package, so that it differs only where they do
 
 
-OPERATIONS = Operations()
+OPERATIONS = MapOperations()
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/{MOBAC_NAME}",
-    Reply("The document.", Media(("application/xml",)), tagged=True),
-    query=LookQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map(f"{MOBAC_NAME}", Reply("The document.", Media(("application/xml",)), tagged=True), query=LookQuery)
 async def source(request: web.Request) -> web.StreamResponse:
     """A map source for ATAK and WinTAK (MOBAC's XML), under a name that ATAK takes for an overlay's."""
     now = await map_now(request)
@@ -48,14 +47,7 @@ async def source(request: web.Request) -> web.StreamResponse:
     return document(request, text, "application/xml", MOBAC_NAME)
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/gcs-mosaic.zip",
-    Reply("The package.", Media(("application/zip",))),
-    query=TokenQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map("gcs-mosaic.zip", Reply("The package.", Media(("application/zip",))))
 async def package(request: web.Request) -> web.StreamResponse:
     """A data package for ATAK: the map source and the finds, where the map shows them."""
     now, notes = await map_now(request), request.app[NOTES]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -13,10 +13,10 @@ from aiohttp import web
 from gcs_mosaic.geo.mercator import FINEST_LEVEL
 from gcs_mosaic.web.access import MAPS
 from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.api.operations import Failures, Media
+from gcs_mosaic.web.api.operations import Failures, Handler, Media, Operations, Reply
 from gcs_mosaic.web.maps.pictures import MapLook, Suffix
 from gcs_mosaic.web.maps.served_map import MapNow, ServedMap
-from gcs_mosaic.web.tile_answer import tile_answer
+from gcs_mosaic.web.tile_answer import tagged, tile_answer
 
 FLIGHT = MAPS + r"{flight:[A-Za-z0-9._-]{1,80}}"
 TILE = "{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
@@ -56,6 +56,16 @@ class TileQuery(LookQuery):
     island: Annotated[int | None, "this one alone"] = None
 
 
+class MapOperations(Operations):
+    """Those under a flight's name, for other programs."""
+
+    def of_map(
+        self, path: str, answer: Reply, query: type = TokenQuery, failures: Failures = NOTHING
+    ) -> Callable[[Handler], Handler]:
+        """Declare what the handler answers to GET."""
+        return self.add("GET", f"{FLIGHT}/{path}", answer, query=query, about=OF_FLIGHT, failures=failures)
+
+
 async def map_now(request: web.Request) -> MapNow:
     """The map as it is now. Raises HTTPNotFound for another flight's name: its tiles are not these."""
     now = await request.app[MAP].now()
@@ -84,14 +94,10 @@ def look_of(request: web.Request, suffix: Suffix = "png") -> MapLook:
 
 def document(request: web.Request, text: str, media_type: str, download: str | None = None) -> web.Response:
     """A text with an ETag; 304 to whom knows it. `download`: the name of the file as which a browser keeps it."""
-    data = text.encode("utf-8", "replace")
-    etag = hashlib.blake2b(data, digest_size=12).hexdigest()
-    headers = {"ETag": f'"{etag}"'}
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers=headers)
-    if download is not None:
-        headers["Content-Disposition"] = f'attachment; filename="{download}"'
-    return web.Response(body=data, content_type=media_type, charset="utf-8", headers=headers)
+    told = tagged(request, text.encode("utf-8", "replace"), media_type, charset="utf-8")
+    if download is not None and told.status == 200:
+        told.headers["Content-Disposition"] = f'attachment; filename="{download}"'
+    return told
 
 
 def about(now: MapNow) -> str:

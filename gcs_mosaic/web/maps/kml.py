@@ -15,9 +15,15 @@ from aiohttp import web
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, TILE_SIZE
 from gcs_mosaic.geotiles.earth_islands import Bounds
 from gcs_mosaic.geotiles.picture_grid import grid_of_tile
-from gcs_mosaic.web.api.operations import Media, Operations, Reply
+from gcs_mosaic.web.api.operations import Media, Reply
 from gcs_mosaic.web.maps.addresses import MapAddresses, addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, NOTHING, OF_FLIGHT, TILE, TokenQuery, about, document, map_now
+from gcs_mosaic.web.maps.common import (
+    TILE,
+    MapOperations,
+    about,
+    document,
+    map_now,
+)
 from gcs_mosaic.web.maps.served_map import MapNow
 
 MEDIA = "application/vnd.google-earth.kml+xml"
@@ -29,31 +35,17 @@ HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.n
 TAIL = "</Document></kml>\n"
 
 
-OPERATIONS = Operations()
+OPERATIONS = MapOperations()
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/map.kml",
-    Reply("The document.", Media((MEDIA,)), tagged=True),
-    query=TokenQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map("map.kml", Reply("The document.", Media((MEDIA,)), tagged=True))
 async def start(request: web.Request) -> web.StreamResponse:
     """A network link for Google Earth (KML 2.2), to the coarsest tiles."""
     now = await map_now(request)
     return document(request, as_start(now, addresses_for(request, now.flight)), MEDIA, "gcs-mosaic.kml")
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/kml/{TILE}.kml",
-    Reply("The document.", Media((MEDIA,)), tagged=True),
-    query=TokenQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map(f"kml/{TILE}.kml", Reply("The document.", Media((MEDIA,)), tagged=True))
 async def part(request: web.Request) -> web.StreamResponse:
     """A part of the tree that the network link leads to: a tile on the ground, and links to those of the next level."""
     now = await map_now(request)

@@ -8,9 +8,9 @@ from xml.sax.saxutils import escape, quoteattr
 from aiohttp import web
 
 from gcs_mosaic.geo.mercator import HALF_WORLD_M
-from gcs_mosaic.web.api.operations import Media, Operations, Reply
+from gcs_mosaic.web.api.operations import Media, Reply
 from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses, addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, NOTHING, OF_FLIGHT, TokenQuery, about, document, map_now
+from gcs_mosaic.web.maps.common import MapOperations, about, document, map_now
 from gcs_mosaic.web.maps.served_map import MapNow
 
 REFRESH_MS = 5000
@@ -25,17 +25,10 @@ IN_ONE_SYSTEM = (  # or the project's own is not read
 WHOLE = (-HALF_WORLD_M, -HALF_WORLD_M, HALF_WORLD_M, HALF_WORLD_M)
 
 
-OPERATIONS = Operations()
+OPERATIONS = MapOperations()
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/gcs-mosaic.qgs",
-    Reply("The document.", Media(("application/x-qgis-project",)), tagged=True),
-    query=TokenQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map("gcs-mosaic.qgs", Reply("The document.", Media(("application/x-qgis-project",)), tagged=True))
 async def project(request: web.Request) -> web.StreamResponse:
     """A project for QGIS."""
     now = await map_now(request)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import math
 import time
 from collections.abc import AsyncIterator
@@ -19,13 +18,14 @@ from gcs_mosaic.geotiles.picture_grid import PictureGrid, grid_of_tile
 from gcs_mosaic.geotiles.pyramid import BLOCK
 from gcs_mosaic.render.tile_grid import TILE_SIZE
 from gcs_mosaic.stitch.arrays import ImageBGRA
-from gcs_mosaic.web.api.operations import Media, Operations, Reply
+from gcs_mosaic.web.api.operations import Media, Reply
 from gcs_mosaic.web.maps.addresses import addresses_for
-from gcs_mosaic.web.maps.common import FLIGHT, MAP, NOTHING, OF_FLIGHT, PICTURES, LookQuery, document, map_now, tile_of
+from gcs_mosaic.web.maps.common import MAP, PICTURES, LookQuery, MapOperations, document, map_now, tile_of
 from gcs_mosaic.web.maps.pictures import encoded
 from gcs_mosaic.web.maps.served_map import MapNow
 from gcs_mosaic.web.maps.wms_capabilities import capabilities, fault_document
 from gcs_mosaic.web.maps.wms_request import MapRequest, WmsFault, lower_names, map_request, version_of
+from gcs_mosaic.web.tile_answer import tagged
 
 LARGE_PX = 1 << 20  # of such pictures one is made at a time
 MOST_WAITING = 4  # for a large picture, the one that is made included
@@ -60,7 +60,7 @@ class LargePictures:
 
 LARGE = web.AppKey("large_pictures", LargePictures)
 ANSWERS = Media((*PICTURES.types, "text/xml", "application/vnd.ogc.wms_xml", "application/vnd.ogc.se_xml"))
-OPERATIONS = Operations()
+OPERATIONS = MapOperations()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,13 +79,8 @@ def keep_turns(app: web.Application) -> None:
     app[LARGE] = LargePictures()
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/wms",
-    Reply("Capabilities, a picture, or a ServiceExceptionReport.", ANSWERS, tagged=True),
-    query=WmsQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
+@OPERATIONS.of_map(
+    "wms", Reply("Capabilities, a picture, or a ServiceExceptionReport.", ANSWERS, tagged=True), query=WmsQuery
 )
 async def wms(request: web.Request) -> web.StreamResponse:
     """WMS 1.1.1 and 1.3.0: GetCapabilities and GetMap; names of parameters in any case.
@@ -117,12 +112,7 @@ async def picture(request: web.Request, now: MapNow, asked: MapRequest) -> web.R
     async with request.app[LARGE].turn(asked):
         made = await drawn(request, now, asked)
         encoded_picture = await request.app[MAP].work(encoded, made, asked.look)
-    etag = hashlib.blake2b(encoded_picture.data, digest_size=12).hexdigest()
-    if any(known.value == etag for known in request.if_none_match or ()):
-        return web.Response(status=304, headers={"ETag": f'"{etag}"'})
-    return web.Response(
-        body=encoded_picture.data, content_type=encoded_picture.media_type, headers={"ETag": f'"{etag}"'}
-    )
+    return tagged(request, encoded_picture.data, encoded_picture.media_type)
 
 
 async def drawn(request: web.Request, now: MapNow, asked: MapRequest) -> ImageBGRA:

@@ -10,14 +10,13 @@ from aiohttp import web
 
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, resolution_m
 from gcs_mosaic.geotiles.pyramid import OVERZOOM
-from gcs_mosaic.web.api.operations import Media, Operations, Reply
+from gcs_mosaic.web.api.operations import Media, Reply
 from gcs_mosaic.web.maps.addresses import WMS_LAYER, MapAddresses, addresses_for
 from gcs_mosaic.web.maps.common import (
-    FLIGHT,
     NOTHING,
-    OF_FLIGHT,
     PICTURES,
     LookQuery,
+    MapOperations,
     about,
     document,
     look_of,
@@ -36,7 +35,7 @@ PIXEL_M = 0.00028  # of the standard's screen
 LEVELS = 25  # matrices that are told
 DOCUMENT = Media(("application/xml",))
 REPORT = Reply("An ExceptionReport.", DOCUMENT)
-OPERATIONS = Operations()
+OPERATIONS = MapOperations()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,26 +45,17 @@ class WmtsQuery(LookQuery):
     Request: Annotated[str | None, "GetCapabilities or GetTile; GoogleMapsCompatible"] = None
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/wmts/1.0.0/WMTSCapabilities.xml",
-    Reply("The document.", DOCUMENT, tagged=True),
-    query=LookQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map("wmts/1.0.0/WMTSCapabilities.xml", Reply("The document.", DOCUMENT, tagged=True), query=LookQuery)
 async def by_address(request: web.Request) -> web.StreamResponse:
     """WMTS 1.0.0 by addresses: the capabilities."""
     now = await map_now(request)
     return document(request, capabilities(now, addresses_for(request, now.flight)), "application/xml")
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/wmts",
+@OPERATIONS.of_map(
+    "wmts",
     Reply("Capabilities or a tile.", Media((*PICTURES.types, *DOCUMENT.types)), tagged=True),
     query=WmtsQuery,
-    about=OF_FLIGHT,
     failures={**NOTHING, 400: REPORT, 501: REPORT},
 )
 async def by_pairs(request: web.Request) -> web.StreamResponse:

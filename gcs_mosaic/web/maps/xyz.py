@@ -8,15 +8,13 @@ from typing import Any, cast
 from aiohttp import web
 
 from gcs_mosaic.geotiles.pyramid import OVERZOOM
-from gcs_mosaic.web.api.operations import Operations, Reply
+from gcs_mosaic.web.api.operations import Reply
 from gcs_mosaic.web.maps.addresses import addresses_for
 from gcs_mosaic.web.maps.common import (
-    FLIGHT,
-    NOTHING,
-    OF_FLIGHT,
     PICTURES,
     TILE,
     LookQuery,
+    MapOperations,
     TileQuery,
     about,
     document,
@@ -26,17 +24,10 @@ from gcs_mosaic.web.maps.common import (
 )
 from gcs_mosaic.web.maps.pictures import Suffix
 
-OPERATIONS = Operations()
+OPERATIONS = MapOperations()
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/{TILE}.{{suffix:(png|jpg|webp)}}",
-    Reply("The tile.", PICTURES, tagged=True),
-    query=TileQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map(f"{TILE}.{{suffix:(png|jpg|webp)}}", Reply("The tile.", PICTURES, tagged=True), query=TileQuery)
 async def tile(request: web.Request) -> web.StreamResponse:
     """An XYZ tile of 256 px (EPSG:3857); transparent where nothing was seen, never 404 within the grid."""
     await map_now(request)
@@ -44,14 +35,7 @@ async def tile(request: web.Request) -> web.StreamResponse:
     return await tile_of(request, level, x, y, look_of(request, cast("Suffix", request.match_info["suffix"])))
 
 
-@OPERATIONS.add(
-    "GET",
-    f"{FLIGHT}/tilejson.json",
-    Reply("The document.", dict, tagged=True),
-    query=LookQuery,
-    about=OF_FLIGHT,
-    failures=NOTHING,
-)
+@OPERATIONS.of_map("tilejson.json", Reply("The document.", dict, tagged=True), query=LookQuery)
 async def tilejson(request: web.Request) -> web.StreamResponse:
     """TileJSON 3.0; `revision` is another whenever something looks different."""
     now = await map_now(request)

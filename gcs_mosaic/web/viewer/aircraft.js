@@ -12,6 +12,7 @@ export class AircraftChoice {
     select.addEventListener("change", () => this.choose(select.value));
   }
 
+  /** @param {Api.Status} status */
   show(status) {
     const heard = new Map();
     for (const { aircraft, followed } of status?.mavlink ?? []) {

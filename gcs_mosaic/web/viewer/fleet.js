@@ -36,6 +36,7 @@ export class Fleet {
     return this.placements.newestFrame(this.isSeveral ? this.followed : null);
   }
 
+  /** @param {Api.Status} status */
   show(status) {
     const told = new Map((status?.aircraft ?? []).map((one) => [one.system, one]));
     const systems = [...new Set([...told.keys(), ...this.placements.newestOf.keys()])].sort((one, other) => one - other);
@@ -87,6 +88,7 @@ export class Fleet {
   }
 }
 
+/** @param {Api.FleetMember} one */
 function words(one, placed) {
   const count = placed === 1 ? t("1 frame") : t("{n} frames", { n: placed });
   return one?.frames_in_queue ? t("{frames}, {n} waiting", { frames: count, n: one.frames_in_queue }) : count;

@@ -10,7 +10,12 @@ export class Live {
   isResting = false;
   hasEnded = false; // the server has said farewell, and has not come back
 
-  /** `onNotes`: somebody has added something; `onEnded`: the server says farewell; what it has can be read for two more seconds. */
+  /**
+   * `onNotes`: somebody has added something; `onEnded`: the server says farewell; what it has can be read for two more seconds.
+   * @param {(change: Api.Change) => void} onChange
+   * @param {() => void} onEnded
+   * @param {() => void} onNotes
+   */
   constructor(onChange, onEnded, onNotes) {
     this.onChange = onChange;
     this.onEnded = onEnded;

@@ -10,6 +10,7 @@ const INWARDS = 0.8; // of the way from a frame's middle to its corner
 export class Placements {
   constructor() {
     this.revision = 0;
+    /** @type {Map<string, Api.Placed | Api.Covered>} */
     this.places = new Map(); // entries of frames that have a place, by name
     this.absent = new Map(); // { name, reason } of those that are not on the map
     this.newest = null;
@@ -34,8 +35,9 @@ export class Placements {
     }
   }
 
+  /** @param {Api.Placements} told */
   take({ revision, newest, newest_of: newestOf = {}, frames, covered = [], waiting, rejected }) {
-    for (const { name, reason = t("waits: nothing that it shows is on the map yet") } of [...waiting, ...rejected]) {
+    for (const { name, reason = t("waits: nothing that it shows is on the map yet") } of /** @type {(Api.Waiting & Partial<Api.Rejected>)[]} */ ([...waiting, ...rejected])) {
       this.places.delete(name);
       this.absent.set(name, { name, reason });
     }
@@ -80,7 +82,7 @@ export class Placements {
   newestFrame(system = null) {
     const named = this.places.get(system === null ? this.newest : this.newestOf.get(system));
     const frame = named ?? (system === null ? ([...this.places.values()].at(-1) ?? null) : null);
-    return frame?.keyframe_from_frame ? this.besideKeyframe(frame) : frame;
+    return frame && "keyframe_from_frame" in frame ? this.besideKeyframe(frame) : frame;
   }
 
   /** A covered frame as its keyframe lies now, which alone is told of when it moves. */

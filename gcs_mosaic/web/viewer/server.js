@@ -30,10 +30,14 @@ export async function fetchDocument(path) {
   return (await answerTo(path))?.json() ?? null;
 }
 
-/** The documents in a file that has one on each line, or null if there is no such file. */
+/**
+ * The documents in a file that has one on each line, or null if there is no such file.
+ * @param {`/placements.jsonl?after=${number}`} path
+ * @returns {Promise<[Api.JournalHead, ...Api.Placements[]] | null>}
+ */
 export async function fetchLines(path) {
   const text = await (await answerTo(path))?.text();
-  return text?.trimEnd().split("\n").map((line) => JSON.parse(line)) ?? null;
+  return /** @type {any} */ (text?.trimEnd().split("\n").map((line) => JSON.parse(line)) ?? null);
 }
 
 async function answerTo(path) {

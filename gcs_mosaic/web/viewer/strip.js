@@ -10,7 +10,12 @@ const HUNG_AFTER_S = 8; // the daemon writes its status each two seconds or more
 const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
 const NOTICES = 3;
 
-
+/**
+ * @param {{ mosaic: Api.Mosaic, newestFrame: unknown, status: Api.Status, hasEnded: boolean }} told
+ * @param {import("/viewer/server.js").Connection} connection
+ * @param {number} lagSeconds
+ * @param {Api.Island} [island]
+ */
 export function showStrip({ mosaic, newestFrame, status, hasEnded }, connection, lagSeconds, island) {
   const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf(status, mosaic, connection, lagSeconds);
   showState(state);
@@ -71,6 +76,7 @@ function nothingYet() {
   return { kind: "calm", title: t("Waiting"), detail: t("nothing is written yet") };
 }
 
+/** @param {Api.Status} status */
 function runningState({ state, frames_in_queue: queue, seconds_behind: behind, mavlink, last_frame: last, watch }) {
   const silent = mavlink.find((link) => link.state === "silent" || link.state === "failed");
   const away = ["missing", "silent", "lost", "ended"].includes(watch?.state);
@@ -109,6 +115,7 @@ function showCounts(status, mosaic, island) {
   byId("counts").replaceChildren(...entries.map(countOf));
 }
 
+/** @param {Api.FrameAccount} frames */
 function frameCounts({ placed, covered, waiting, rejected, damaged, dropped, unstitched }) {
   return [
     [t("Frames placed"), placed, "good"],
@@ -119,6 +126,7 @@ function frameCounts({ placed, covered, waiting, rejected, damaged, dropped, uns
   ];
 }
 
+/** @param {Api.EventAccount} events */
 function eventCounts({ matched, missing, failed }) {
   return [
     [t("Triggers matched"), matched, ""],
@@ -127,7 +135,10 @@ function eventCounts({ matched, missing, failed }) {
   ];
 }
 
-/** What the links left out: triggers of aircraft that are not followed, packets whose signature is not right. */
+/**
+ * What the links left out: triggers of aircraft that are not followed, packets whose signature is not right.
+ * @param {Api.Link[]} links
+ */
 function linkCounts(links) {
   const others = new Map();
   for (const [system, count] of links.flatMap((link) => Object.entries(link.other_triggers ?? {}))) {
@@ -151,7 +162,10 @@ function seldom(entries) {
   return entries.filter(([, count]) => count).map(([label, count]) => [label, count, "warn"]);
 }
 
-/** How well the island in view fits together, measured by matches that had no say in where anything lies. */
+/**
+ * How well the island in view fits together, measured by matches that had no say in where anything lies.
+ * @param {Api.HeldOut} found
+ */
 function fit({ median, p95, matches }) {
   const short = (px) => (px === null ? "∞" : String(Number(px.toPrecision(2))));
   const meaning = t("Half of {n} points that were kept out of the fitting are torn apart by less than {half} px, 95 % by less than {most} px",
@@ -159,6 +173,7 @@ function fit({ median, p95, matches }) {
   return [t("Fits to"), `${short(median)} px`, "", meaning, `95 %: ${short(p95)}`];
 }
 
+/** @param {Api.Status} status */
 function lastFrame({ state, last_frame: last }) {
   const when = state === "stopped" ? clock(last.time) : t("{time} ago", { time: duration(ageOf(last.time)) });
   return [t("Last frame"), when, last.outcome === "rejected" ? "warn" : "", `${last.name}: ${last.reason ?? last.outcome}${last.covered_by ? ` by ${last.covered_by}` : ""}`];
@@ -174,7 +189,10 @@ function countOf([label, value, kind, title, beside]) {
   return box;
 }
 
-/** What lasts, the worst first: each a line that says what to do. */
+/**
+ * What lasts, the worst first: each a line that says what to do.
+ * @param {Api.Condition[]} conditions
+ */
 function showConditions(conditions) {
   const shown = conditions.map(({ level, text }) => `${level} ${text}`).join("\n");
   if (byId("conditions").dataset.shown === shown) return;
@@ -183,6 +201,7 @@ function showConditions(conditions) {
   byId("conditions").replaceChildren(...lines);
 }
 
+/** @param {Api.Notice[]} notices */
 function showNotices(notices) {
   const newest = notices.slice(-NOTICES).reverse();
   const lines = newest.map(({ time, level, text }) => {
@@ -203,11 +222,13 @@ function showEmpty(empty, status, { title, detail }) {
   byId("empty").querySelector("ul").replaceChildren(...lines.map((line) => element("li", { textContent: line })));
 }
 
+/** @param {Api.Link} link */
 function linkLine({ address, state, last_heard: heard }) {
   if (heard) return t("MAVLink on {address}: heard {time} ago", { address, time: duration(ageOf(heard)) });
   return state === "failed" ? t("MAVLink on {address}: failed", { address }) : t("MAVLink on {address}: nothing heard yet", { address });
 }
 
+/** @param {Api.Watch} watch */
 function watchLine({ folder, state, since }) {
   const words = {
     watching: t("Watching {folder}: no frame has come yet", { folder }),

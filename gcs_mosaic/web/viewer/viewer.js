@@ -57,6 +57,7 @@ originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
 const aircraft = new AircraftChoice(byId("aircraft"), byId("answer"));
+/** @type {{ mosaic: Api.Mosaic | null, newestFrame: Api.Placed | Api.Covered | null, status: Api.Status | null }} */
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;

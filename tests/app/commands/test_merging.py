@@ -36,6 +36,8 @@ from tests.factories import trigger_event
 from tests.rebuilt import assert_explained
 from tests.sure import sure
 
+pytestmark = pytest.mark.long
+
 CONFIG, QUIET = Config(), Console(quiet=True)
 FRAMES, CUT = 16, 9
 # Two adjustments of not quite the same matches. Each states the least certain corner of its least certain frame to 0.28 px (one
@@ -131,7 +133,6 @@ def apart_px(one: Sequence[Estimate], other: Sequence[Estimate]) -> np.ndarray:
     return apart
 
 
-@pytest.mark.long
 def test_a_flight_cut_in_two_is_the_map_of_one_flight(flown: Path, merged: Path) -> None:
     whole, both = estimates_of(flown / "whole"), estimates_of(merged)
     assert len(both) == len(whole) == FRAMES
@@ -141,7 +142,6 @@ def test_a_flight_cut_in_two_is_the_map_of_one_flight(flown: Path, merged: Path)
     assert apart_px(both, whole).max() < SAME_PX
 
 
-@pytest.mark.long
 def test_its_tiles_are_what_its_ledger_and_originals_say(merged: Path, tmp_path: Path) -> None:
     assert_explained_by_its_island(merged, tmp_path)
 
@@ -170,7 +170,6 @@ def test_the_accounts_are_those_of_both(flown: Path, merged: Path) -> None:
             assert by_id[record.duplicate_of].event.sequence == record.event.sequence
 
 
-@pytest.mark.long
 def test_events_of_a_flight_that_was_not_ended_are_missing_their_frames(flown: Path, tmp_path: Path) -> None:
     """A killed flight leaves some pending; no frame of theirs will come, and at the end none is pending."""
     shutil.copytree(flown / "two", tmp_path / "killed")
@@ -188,7 +187,6 @@ def test_originals_are_taken_along_and_all_is_whole(flown: Path, merged: Path) -
     assert cli.main(["check", str(merged)]) == 0
 
 
-@pytest.mark.long
 def test_a_flight_without_a_checkpoint_is_stitched_again(flown: Path, tmp_path: Path) -> None:
     shutil.copytree(flown / "two", tmp_path / "two")
     (tmp_path / "two" / "checkpoint").unlink()

@@ -14,6 +14,8 @@ from gcs_mosaic.cli.main import main
 from gcs_mosaic.store.folder import LEDGER_NAME
 from tests.running import Running, events_of, flying, frames_of, run, six_pictures
 
+pytestmark = pytest.mark.long
+
 LONG_AGO = 1.6e9  # seconds since 1970
 TABLES = "events", "frames", "estimates", "painted", "islands", "cameras"
 
@@ -73,7 +75,6 @@ def outcome(out: Path) -> tuple[object, ...]:
     return states, events_of(out)
 
 
-@pytest.mark.long
 def test_the_flight_comes_out_as_it_was(flown: Running, again: Path) -> None:
     assert outcome(again) == outcome(flown.out)
     assert sorted(events_of(again)) == ["duplicate", *["matched"] * 7, *["missing"] * 2]
@@ -81,7 +82,6 @@ def test_the_flight_comes_out_as_it_was(flown: Running, again: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.long
 @pytest.mark.parametrize("words", [(), ("--speed", "8")], ids=["as fast as it goes", "eight times as fast"])
 def test_the_result_is_the_same_every_time(flown: Running, again: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
     third = flown_again(flown, tmp_path / "mosaic", *words)
@@ -90,7 +90,6 @@ def test_the_result_is_the_same_every_time(flown: Running, again: Path, tmp_path
     assert accounts(third) == accounts(again)
 
 
-@pytest.mark.long
 def test_copies_that_lost_their_times_come_out_the_same(flown: Running, tmp_path: Path) -> None:
     for path in shutil.copytree(flown.watch, tmp_path / "copies").rglob("*.*"):
         os.utime(path, (LONG_AGO, LONG_AGO))

@@ -143,6 +143,7 @@ def test_the_size_of_frames_in_their_names_is_no_counter() -> None:
     assert told.seconds == [7.0 * k for k in range(10)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["IMG_{:04d}.JPG", "DSC{:05d}.JPG"])
 @pytest.mark.parametrize("lost", [0, 9])
 def test_a_long_flight_is_paired_to_its_end(name: str, lost: int) -> None:

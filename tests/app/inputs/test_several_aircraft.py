@@ -18,7 +18,8 @@ from gcs_mosaic.frames.aircraft_source import AircraftSource
 from gcs_mosaic.store.folder import LEDGER_NAME, FlightFolder
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.lock import try_lock
-from gcs_mosaic.store.records import EventAccount, FrameState
+from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.store.told_documents import EventAccount
 from gcs_mosaic.triggers import PairingSettings
 from gcs_mosaic.triggers.shots import Shots, ShotSettings
 from sitl.messages import Capture

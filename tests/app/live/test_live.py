@@ -25,6 +25,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.store.records import FrameRecord
 from sitl.delivery import write_slowly
+from tests.documents import document_at
 from tests.ports import free_port
 from tests.running import Running, events_of, flying, frames_of, run, six_pictures, until
 from tests.sure import sure
@@ -110,6 +111,7 @@ def test_every_frame_ends_in_the_right_account_with_a_reason(
     assert (ledger[name].reason is None) == (reason is None)
 
 
+@pytest.mark.long
 def test_both_accounts_close(flown: Running, ledger: dict[str, FrameRecord]) -> None:
     mosaic, status = flown.document("mosaic.json"), flown.status()
     assert mosaic["frames"] == status["frames"]
@@ -120,6 +122,7 @@ def test_both_accounts_close(flown: Running, ledger: dict[str, FrameRecord]) -> 
     assert mosaic["events"]["missing"] == 2  # the triggers of the pictures that never became whole
 
 
+@pytest.mark.long
 def test_every_original_is_kept_and_the_watched_folder_is_left_as_it_was(
     flown: Running, ledger: dict[str, FrameRecord], pictures: list[bytes]
 ) -> None:
@@ -129,6 +132,7 @@ def test_every_original_is_kept_and_the_watched_folder_is_left_as_it_was(
     assert (flown.watch / "sub" / "text.jpg").exists()
 
 
+@pytest.mark.long
 def test_how_good_the_map_is_is_told_everywhere(flown: Running) -> None:
     islands = {str(one["id"]): one["held_out_px"] for one in flown.document("mosaic.json")["islands"]}
     known = {island: found for island, found in islands.items() if found}
@@ -139,6 +143,7 @@ def test_how_good_the_map_is_is_told_everywhere(flown: Running) -> None:
     assert line in run("status", flown.out, cwd=flown.home).stdout
 
 
+@pytest.mark.long
 def test_what_happened_is_said(flown: Running) -> None:
     assert flown.status()["state"] == "stopped"
     assert "made the folder frames, which was not there" in flown.said
@@ -147,6 +152,7 @@ def test_what_happened_is_said(flown: Running) -> None:
     assert "Traceback" not in flown.said
 
 
+@pytest.mark.long
 def test_what_happened_is_in_the_log(flown: Running) -> None:
     log = (flown.out / "flight.log").read_text()
     assert "gcs_mosaic.app.status.reporter: frames: sub/cut.jpg is damaged: truncated" in log
@@ -273,7 +279,7 @@ def test_a_thread_that_dies_is_told_and_the_rest_goes_on(
     with ExitStack() as stack:
         links = listening.listen(config, stop, stack)
         daemon.fly(config, links, Console(quiet=True), Shutdown(stop=stop, hurry=threading.Event()))
-    status = json.loads((tmp_path / "mosaic" / "status.json").read_bytes())
+    status = document_at(tmp_path / "mosaic" / "status.json")
     assert [notice for notice in status["notices"] if notice["text"].startswith(told) and notice["level"] == "error"]
     assert (status["watch"]["state"] == "ended") == (part == "watch")
     assert (status["mavlink"][0]["state"] == "failed") == (part == "triggers")

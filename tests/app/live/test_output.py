@@ -190,6 +190,7 @@ def test_a_frame_is_found_where_it_came_from(coming: list[DecodedFrame], tmp_pat
         assert pipeline.store.found_again(replace(kept, content_hash="another")) is None
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="a POSIX shell")
 def test_closed_standard_streams_change_no_exit_code(tmp_path: Path) -> None:
     """What is opened later never takes their numbers: it would be printed into."""

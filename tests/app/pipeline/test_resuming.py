@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Sequence
@@ -40,6 +39,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameRecord
 from sitl.path import Plan
 from tests import factories
+from tests.documents import document_at
 from tests.rebuilt import assert_explained
 from tests.running import Running, events_of, flying, frames_of, six_pictures
 from tests.sure import sure
@@ -86,7 +86,7 @@ def finished(flight: Pipeline) -> Pipeline:
 
 def map_of(out: Path) -> dict[str, Any]:
     """All that a flight leaves for readers, but for when and how often it was written."""
-    told = {name: json.loads((out / name).read_bytes()) for name in ("mosaic.json", "placements.json")}
+    told = {name: document_at(out / name) for name in ("mosaic.json", "placements.json")}
     for document in told.values():
         for word in ("updated", "revision", "flight"):
             document.pop(word, None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
@@ -22,6 +21,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from tests.app.pipeline.test_resuming import CONFIG, accepted, finished, map_of, pipeline, process, saved_in
+from tests.documents import document_at
 from tests.rebuilt import assert_explained
 from tests.running import six_pictures
 from tests.sure import sure
@@ -82,10 +82,10 @@ def test_the_whole_picture_covers_the_preview(out: Path, came: list[Frame]) -> N
     with closing(Ledger(out / LEDGER_NAME, read_only=True)) as ledger:
         assert {one.name for one in ledger.painted(0)} == {frame.name for frame in came} - {SHOT}
         assert SHOT not in {one.name for one in ledger.estimates()}
-    document = json.loads((out / "placements.json").read_bytes())
+    document = document_at(out / "placements.json")
     (covered,) = document["covered"]
     assert (covered["name"], covered["covered_by"], len(document["frames"])) == (SHOT, WHOLE, 6)
-    assert json.loads((out / "mosaic.json").read_bytes())["islands"][0]["frames"] == 6
+    assert document_at(out / "mosaic.json")["islands"][0]["frames"] == 6
     middle = np.array(covered["keyframe_from_frame"]) @ [covered["width"] / 2 - 0.5, covered["height"] / 2 - 0.5, 1]
     assert np.allclose(middle[:2] / middle[2], [239.5, 179.5])
     assert_explained(out, out.parent / "again", fewest=5)
@@ -141,4 +141,4 @@ def test_what_the_preview_covered_is_covered_by_the_whole_picture(out: Path, cam
         finished(flight)
     with closing(Ledger(out / LEDGER_NAME, read_only=True)) as ledger:
         assert {(one.name, one.by) for one in ledger.covered()} == {(SHOT, WHOLE), (hover.name, WHOLE)}
-    assert len(json.loads((out / "placements.json").read_bytes())["covered"]) == 2
+    assert len(document_at(out / "placements.json")["covered"]) == 2

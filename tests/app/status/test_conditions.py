@@ -9,8 +9,9 @@ import pytest
 
 from gcs_mosaic.app.status.conditions import Conditions, Facts
 from gcs_mosaic.messages import Aircraft, CameraCount, LinkReport, SourceReport
-from gcs_mosaic.store.records import Accounts, EventAccount, FrameAccount, FrameState
+from gcs_mosaic.store.records import Accounts, FrameState
 from gcs_mosaic.store.status import AircraftStatus, Behind
+from gcs_mosaic.store.told_documents import EventAccount, FrameAccount
 
 HEARD = LinkReport(address="udp:14550", state="heard", last_heard_utc=1000.0)
 FLYING = Facts(

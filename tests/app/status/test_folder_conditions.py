@@ -8,7 +8,8 @@ import pytest
 
 from gcs_mosaic.app.status.conditions import Conditions, Facts
 from gcs_mosaic.messages import CameraCount, LinkReport, SourceReport
-from gcs_mosaic.store.records import Accounts, EventAccount, FrameAccount
+from gcs_mosaic.store.records import Accounts
+from gcs_mosaic.store.told_documents import EventAccount, FrameAccount
 
 FOLDER = SourceReport(kind="folder", name="DCIM", state="watching")
 MAPPED = replace(FOLDER, taken=9)

@@ -66,6 +66,7 @@ def test_the_new_share_of_a_moving_view_is_the_true_one(step: tuple[float, float
     assert share == pytest.approx(1 - common / (640 * 480), abs=0.03)
 
 
+@pytest.mark.long
 def test_a_frame_is_taken_whenever_a_share_of_the_view_is_new() -> None:
     wishes = Wishes("overlap", 0.3)
     pictures = [StreamPicture(Still(view(400 + 8 * k, 500)), k / 5, CLOCK, False) for k in range(150)]

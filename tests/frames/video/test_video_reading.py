@@ -48,6 +48,7 @@ def test_other_frames_are_of_no_video(name: str) -> None:
     assert video_and_ms(name) is None
 
 
+@pytest.mark.long
 def test_frames_have_times_and_places_of_the_recording(film: Path) -> None:
     frames = frames_of(reading(film))
     assert len(frames) == 6
@@ -89,6 +90,7 @@ def test_another_recording_of_the_same_name_is_another_version(film: Path, tmp_p
     assert frames_of(reading(other, everything)) == []
 
 
+@pytest.mark.long
 def test_a_process_that_is_killed_is_started_again_and_no_frame_comes_twice(film: Path) -> None:
     one = reading(film)
     names = list[str]()

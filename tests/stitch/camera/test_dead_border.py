@@ -123,6 +123,7 @@ def test_lines_that_turn_out_to_be_alive_are_given_back_for_good() -> None:
     assert all(after.left <= before.left for before, after in pairwise(decided))
 
 
+@pytest.mark.long
 def test_only_the_first_frames_are_looked_at() -> None:
     looked = []
 

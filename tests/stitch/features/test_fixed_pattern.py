@@ -38,6 +38,7 @@ def moving(count: int, step: int) -> list[Place]:
     return [(10 + step * k, 10 + step * k // 4) for k in range(count)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [6, 40])
 def test_the_ground_is_matched_and_not_the_pattern(step: int) -> None:
     found = list(flown(moving(18, step), faint_frames.fixed_pattern(3.0)))

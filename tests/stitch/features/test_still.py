@@ -111,6 +111,7 @@ def test_without_an_overlay_next_to_nothing_is_masked(count: int, contrast: floa
     assert covered(taken(count, nothing, contrast)).mean() < 0.005
 
 
+@pytest.mark.long
 def test_a_pattern_all_over_the_frame_is_no_overlay_and_writing_on_it_is() -> None:
     noise = np.random.default_rng(2).normal(size=(HEIGHT, WIDTH)).astype(np.float32)
     pattern = 60 * cv2.GaussianBlur(noise, (0, 0), 2)

@@ -47,6 +47,7 @@ def fly(mosaic: Mosaic, *grounds: Image) -> Mosaic:
     return mosaic
 
 
+@pytest.mark.long
 def test_pairs_and_placements_are_told_as_they_happen(ground: Image, other_ground: Image) -> None:
     notes = Notes()
     fly(Mosaic(observer=notes), ground, ground, other_ground)
@@ -61,6 +62,7 @@ def test_pairs_and_placements_are_told_as_they_happen(ground: Image, other_groun
     assert all(isinstance(placement, Placement) for placement in notes.placements)
 
 
+@pytest.mark.long
 def test_a_refused_pair_tells_which_pixels_agreed_all_the_same(ground: Image) -> None:
     notes, registration = Notes(), StitchSettings().registration
     strict = StitchSettings(registration=type(registration)(least_evidence=1e6))
@@ -71,6 +73,7 @@ def test_a_refused_pair_tells_which_pixels_agreed_all_the_same(ground: Image) ->
     assert np.median(refused.pixels_b - refused.pixels_a, axis=0) == pytest.approx([130, 0], abs=1)
 
 
+@pytest.mark.long
 def test_a_pose_that_is_not_believed_is_told_with_its_reason(ground: Image) -> None:
     notes = Notes()
     nothing_fits = StitchSettings(plausibility=PlausibilitySettings(most_residual_px=1e-6))
@@ -80,6 +83,7 @@ def test_a_pose_that_is_not_believed_is_told_with_its_reason(ground: Image) -> N
     assert "misses its matches by" in reason
 
 
+@pytest.mark.long
 def test_residuals_are_what_two_frames_put_one_point_apart(ground: Image) -> None:
     notes = Notes()
     mosaic = fly(Mosaic(observer=notes), ground, ground, ground)
@@ -94,6 +98,7 @@ def test_residuals_are_what_two_frames_put_one_point_apart(ground: Image) -> Non
     assert np.median(moved["2"].misses, axis=0) == pytest.approx([-7, 0], abs=0.5)  # the others stayed behind
 
 
+@pytest.mark.long
 def test_several_are_told_the_same(ground: Image, other_ground: Image) -> None:
     first, second = Notes(), Notes()
     fly(Mosaic(observer=Observers(first, None, second)), ground, ground, other_ground)
@@ -103,6 +108,7 @@ def test_several_are_told_the_same(ground: Image, other_ground: Image) -> None:
     assert len(first.pairs) > 1
 
 
+@pytest.mark.long
 def test_what_is_left_over_is_worked_out_only_for_whoever_asks(ground: Image, monkeypatch: pytest.MonkeyPatch) -> None:
     class Uninterested(Notes):
         def adjusted(self, island: int, residuals: Callable[[], Sequence[Residuals]]) -> None:
@@ -121,6 +127,7 @@ def test_what_is_left_over_is_worked_out_only_for_whoever_asks(ground: Image, mo
     assert not asked
 
 
+@pytest.mark.long
 def test_one_that_raises_looks_on_no_more_and_changes_nothing(ground: Image, caplog: pytest.LogCaptureFixture) -> None:
     class Broken(Notes):
         def registered(self, a: str, b: str, found: Registration | NotRegistered) -> None:

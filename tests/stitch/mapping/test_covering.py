@@ -181,6 +181,7 @@ def test_the_same_frames_give_the_same_outcomes(ground: Image) -> None:
     assert fly(Mosaic(), ground, poses) == fly(Mosaic(), ground, poses)
 
 
+@pytest.mark.long
 def test_covering_can_be_switched_off(ground: Image) -> None:
     assert all(isinstance(o, Placement) for o in fly(Mosaic(PLACED_ALL), ground, hover(4)))
 

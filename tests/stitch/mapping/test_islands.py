@@ -54,6 +54,7 @@ def matching(found: Registration, pixels_a: Array, pixels_b: Array) -> Registrat
     return replace(found, pixels_a=pixels_a, pixels_b=pixels_b)
 
 
+@pytest.mark.long
 def test_one_bridge_is_enough_where_the_overlap_bears_it_out_on_other_ground(search: Search, bridges: Bridges) -> None:
     proof = bridges.add(bridge(search, 3, 0))
     assert len(proof) > 1
@@ -64,6 +65,7 @@ def test_one_bridge_is_enough_where_the_overlap_bears_it_out_on_other_ground(sea
         assert (graph.pose_of(frame).x, graph.pose_of(frame).y) == pytest.approx(place, abs=2)
 
 
+@pytest.mark.long
 def test_bridges_that_share_their_ground_count_once(
     search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +87,7 @@ def test_an_overlap_that_does_not_bear_it_out_refutes_any_number_of_bridges(sear
         assert not bridges.add(Bridge(a, b, wrong))
 
 
+@pytest.mark.long
 def test_a_bridge_whose_own_matches_disagree_is_none(search: Search, bridges: Bridges) -> None:
     mess = matching(registered(search, 3, 0), *np.random.default_rng(1).uniform(0, 350, (2, 40, 2)))
     assert bridges.add(Bridge(3, 0, mess)) == []
@@ -121,6 +124,7 @@ def test_a_witness_that_has_seen_too_little_to_tell_refutes_nothing(
     assert bridges.add(bridge(search, 5, 2))
 
 
+@pytest.mark.long
 def test_where_a_witness_cannot_tell_bridges_must_prove_it_alone(
     search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,6 +134,7 @@ def test_where_a_witness_cannot_tell_bridges_must_prove_it_alone(
     assert bridges.add(bridge(search, 5, 2))
 
 
+@pytest.mark.long
 def test_a_witness_that_has_seen_enough_and_found_nothing_refutes_any_bridge(
     search: Search, bridges: Bridges, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,6 +42,7 @@ def with_the_rest_as_patches(found: Registration) -> Registration:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("beyond", [0.0, 5.0])
 def test_patches_make_a_pose_certain_only_where_the_pixels_prove_it(search: Search, beyond: float) -> None:
     """Two halls of one make agree wherever one looks: patches drawn along a wrong registration must not bear it out."""

@@ -51,6 +51,7 @@ def pictures(ground: Image) -> Pictures:
     return Pictures(ground, APART, FEW)
 
 
+@pytest.mark.long
 def test_frames_that_would_be_lost_are_connected(pictures: Pictures) -> None:
     mosaic = flown(pictures, FEW, pictures.finer)
     assert len(mosaic.placements()) < len(APART)
@@ -61,6 +62,7 @@ def test_frames_that_would_be_lost_are_connected(pictures: Pictures) -> None:
     assert map_error(mosaic.placements(), APART) < 2
 
 
+@pytest.mark.long
 def test_frames_on_the_map_are_not_looked_at_again(ground: Image) -> None:
     overlapping = [Pose(500 + 120 * i, 600) for i in range(4)]
     settings = StitchSettings()

@@ -87,6 +87,7 @@ def test_guessing_is_limited_as_elsewhere_and_an_old_link_shuts_nobody_out(stran
     assert stranger.status(MAPS[0], Cookie=f"gcs-mosaic-{stranger.port}={TOKEN}") == 200
 
 
+@pytest.mark.long
 def test_addresses_in_documents_bear_the_token_that_was_given_and_no_other(stranger: Served) -> None:
     told = json.loads(stranger.client.ask(f"{BASE}/tilejson.json?token={TOKEN}")[1])
     assert told["tiles"][0].endswith(f"/{{z}}/{{x}}/{{y}}.png?token={TOKEN}")

@@ -127,6 +127,7 @@ def test_addresses_that_qgroundcontrol_refuses(root: str, is_refused: bool) -> N
     assert is_refused_by_qgroundcontrol(root) == is_refused
 
 
+@pytest.mark.long
 def test_codes_are_made_without_loading_what_makes_them_before() -> None:
 
     code = "import sys, gcs_mosaic.web.page_process, gcs_mosaic.web.server; print('segno' in sys.modules)"

@@ -64,6 +64,7 @@ def test_wms_by_its_capabilities(pinned: Writer, flight: AnchoredFlight, version
         assert worst_px(dataset, flight) < 1.0
 
 
+@pytest.mark.long
 def test_wmts_by_its_capabilities(pinned: Writer, flight: AnchoredFlight) -> None:
     with opened(f"WMTS:http://{pinned.netloc}/maps/{FLIGHT}/wmts/1.0.0/WMTSCapabilities.xml") as dataset:
         assert dataset.crs.to_epsg() == 3857

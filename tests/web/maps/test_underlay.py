@@ -142,6 +142,7 @@ def test_what_is_no_map_is_refused_at_the_start_in_one_sentence(tmp_path: Path, 
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.long
 def test_the_flight_lies_over_it_where_a_program_asks_for_that(tmp_path: Path, flight: AnchoredFlight) -> None:
     level = flight.laid.levels[1]
     column, row = laid_at(flight.laid, level, -600.0, -450.0)

@@ -61,6 +61,7 @@ def seen(client: Writer, query: str) -> AnyImage:
     return picture_of(data)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("layers", ["", "&layers=mosaic"])
 def test_mission_planner_gets_the_tile_that_it_shows(pinned: Writer, flight: AnchoredFlight, layers: str) -> None:
     for level in range(flight.laid.levels[1] - 4, min(flight.laid.levels[1] + 2, 22) + 1):
@@ -238,6 +239,7 @@ def test_boxes_of_the_whole_world_and_of_a_grain_of_sand_cost_little(pinned: Wri
         assert answer.headers["Content-Type"] == "image/png"
 
 
+@pytest.mark.long
 def test_a_large_picture_is_the_same_as_its_parts(pinned: Writer, flight: AnchoredFlight) -> None:
     west, south, east, north = flight.laid.bounds
     (left, bottom), (right, top) = (mercator(np.array(one)).tolist() for one in ((west, south), (east, north)))

@@ -138,6 +138,7 @@ def test_tilejson_tells_where_to_look(pinned: Writer, flight: AnchoredFlight) ->
     assert "± 1 m (95 %)" in told["description"]
 
 
+@pytest.mark.long
 def test_islands_are_shown_together_or_alone_and_those_without_an_anchor_are_named(
     pinned: Writer, flight: AnchoredFlight
 ) -> None:
