@@ -27,7 +27,10 @@ def flown(seed: int, off: dict[int, float], late: dict[int, float], turn_s: floa
             frame(f"{LETTERS[number]}-x.jpg", came, captured=at + 1000 + off.get(number, 0.0)),
         ]
         at += turn_s if number % 10 == 9 else 2.0
-    flight = Flight().fly(*items)
+    return Flight().fly(*items)
+
+
+def closed(flight: Flight) -> Flight:
     flight.outcomes += flight.pairing.close()
     return flight
 
@@ -50,7 +53,7 @@ def test_pictures_whose_clock_is_off_shift_no_others_at_any_time(
     off: dict[int, float], late: int, turn_s: float
 ) -> None:
     """Old shots were judged with the files of newer ones, too: by leaving the first ones out no clock was off."""
-    flight = flown(1, off, {late: 31.0}, turn_s)
+    flight = closed(flown(1, off, {late: 31.0}, turn_s))
     told = [one for one in flight.outcomes if isinstance(one, Matched)]
     assert [(one.event_id, one.frame.name) for one in told if one.frame.name != f"{LETTERS[one.event_id]}-x.jpg"] == []
     assert len(flight.pairs()) >= 15
@@ -58,13 +61,27 @@ def test_pictures_whose_clock_is_off_shift_no_others_at_any_time(
 
 def test_what_a_clock_that_is_off_exchanges_stays_as_it_came() -> None:
     """The first picture seems to be taken after the second, a half second from the other's shot each."""
-    flight = flown(1, {0: 1.5, 1: -1.5}, {})
+    flight = closed(flown(1, {0: 1.5, 1: -1.5}, {}))
     assert not wrong(flight)
 
 
 def test_a_file_that_comes_much_later_is_known_by_the_cameras_clock() -> None:
-    pairs = flown(3, {}, {5: 31.0, 11: 50.0}).pairs()
+    pairs = closed(flown(3, {}, {5: 31.0, 11: 50.0})).pairs()
     assert (pairs[5], pairs[11]) == ("f-x.jpg", "l-x.jpg")
+
+
+def test_in_flight_a_late_file_is_found_its_shot_where_the_clock_is_off_elsewhere() -> None:
+    flight = flown(1, {1: -300.0, 2: 500.0}, {5: 20.0})
+    assert flight.pairs()[5] == "f-x.jpg"
+    assert not flight.pairing.doubts.is_part
+
+
+def test_a_shot_that_nobody_counted_keeps_no_file_that_numbers_give_to_another() -> None:
+    """The camera counts on by one; of the ninth another sender told, too, a little earlier and without a number."""
+    items = [(number, shot(2.0 * number, 100 + number)) for number in range(20)]
+    items.append((99, shot(15.7)))
+    pairs = Flight().fly(*items, *(frame(f"IMG_{n + (n >= 8):04}.JPG", 2.0 * n + 1.0) for n in range(20))).pairs()
+    assert pairs == {n: f"IMG_{n + (n >= 8):04}.JPG" for n in range(20)}
 
 
 COUNT = 14
