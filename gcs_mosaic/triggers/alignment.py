@@ -8,13 +8,17 @@ the results are compared.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from gcs_mosaic.triggers.needleman_wunsch import LOST, LOST_AT_END, Band, Places, needleman_wunsch, whole
 from gcs_mosaic.triggers.rulers import AGREES, ARRIVAL, CLOCK, FileClue, Rulers, ShotClue, Zeros
+
+Pairs: TypeAlias = frozenset[tuple[int, int]]
+"""Places of a shot and its file."""
 
 MOST = 800  # shots and files of which every pair is looked at; of longer rows a band
 LONGEST = 5000  # shots and files that are aligned together
@@ -33,7 +37,10 @@ _KEPT_APART = 1.0  # by which pairs of the best alignment are made worse, to fin
 @dataclass(frozen=True, slots=True)
 class Alignment:
     """`pairs`: places of a shot and its file, in order. `shifts`: by how many shots later (or earlier) each file may as well
-    belong; `unsure`: how many pairs that concerns. `told_by`: the rulers, for display."""
+    belong; `unsure`: how many pairs that concerns. `told_by`: the rulers, for display.
+
+    Of the changes from the pairs so far, each judged by itself: `sure` are surely to be made, `refuted` to be undone, and so many
+    are `contested`: what there is is less likely, but not by enough."""
 
     pairs: list[tuple[int, int]]
     shifts: tuple[int, ...]
@@ -41,6 +48,9 @@ class Alignment:
     told_by: tuple[str, ...]
     score: float
     better_by: float | None = None  # than the pairs so far
+    sure: Pairs = frozenset()
+    refuted: Pairs = frozenset()
+    contested: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +78,7 @@ def align(
     best = explained[0]
     others = [*explained, rows.next_best(best)]
     better_by = None if known is None else rows.better_by(best, known)
-    pairs = [(shot, int(file)) for shot, file in enumerate(best.file_of) if file >= 0]
+    pairs = _pairs(best.file_of)
     is_whole = len(pairs) == len(shots) == len(files)
     margin = SURE if is_whole or {CLOCK, ARRIVAL} & {*best.told_by} else _SURE_BY_ORDER
     rivals = [one for one in others if best.score - one.score < margin and _apart(best, one) > 0]
@@ -81,14 +91,19 @@ def align(
     if not best.told_by and not is_whole:
         unsure = len(pairs)  # some are lost, and nothing tells which
     likely = rows.likely(best)
+    sure, refuted, contested = _settled(rows.changes(best, likely, known), rivals)
     return Alignment(
-        [pair for pair in pairs if pair[0] in likely],
-        tuple(sorted(shifts)),
-        unsure,
-        best.told_by,
-        best.score,
-        better_by,
+        sorted(likely), tuple(sorted(shifts)), unsure, best.told_by, best.score, better_by, sure, refuted, contested
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """Pairs that go only together: one of them takes what another one had."""
+
+    made: Pairs
+    undone: Pairs
+    gain: float
 
 
 class _Rows:
@@ -143,11 +158,28 @@ class _Rows:
             explained.sort(key=lambda one: -one.score)
         return explained
 
-    def likely(self, best: _Explained) -> frozenset[int]:
-        """The shots whose pairs are no worse than chance: between two losses strangers may have been left beside each other."""
-        shots = np.flatnonzero(best.file_of >= 0)
-        scores = self._rulers.scores(self._rulers.zeros(best.file_of), shots, best.file_of[shots])
-        return frozenset(shots[scores > _STRANGERS].tolist())
+    def likely(self, best: _Explained) -> Pairs:
+        """The pairs that are no worse than chance: between two losses strangers may have been left beside each other."""
+        pairs = _pairs(best.file_of)
+        return frozenset(pair for pair, score in self._scored(best, pairs).items() if score > _STRANGERS)
+
+    def changes(self, best: _Explained, made: Pairs, known: Places | None) -> list[_Change]:
+        """From the known pairs to these, by the zeros of the best, each with what it gains by itself."""
+        so_far = frozenset() if known is None else frozenset(_pairs(known))
+        scores = self._scored(best, sorted(made ^ so_far))
+        return [
+            _Change(
+                made=together & made,
+                undone=together & so_far,
+                gain=sum((scores[pair] - 2 * LOST) * (1 if pair in made else -1) for pair in together),
+            )
+            for together in _connected(scores)
+        ]
+
+    def _scored(self, best: _Explained, pairs: Sequence[tuple[int, int]]) -> dict[tuple[int, int], float]:
+        places = np.array(pairs, np.int64).reshape(-1, 2)
+        scores = self._rulers.scores(self._rulers.zeros(best.file_of), places[:, 0], places[:, 1])
+        return dict(zip(pairs, scores.tolist(), strict=True))
 
     def score_of(self, file_of: Places) -> float:
         """How likely these pairs are, in whatever order; what is lost at an end costs as in the middle of a row, or less."""
@@ -164,9 +196,10 @@ class _Rows:
     def better_by(self, best: _Explained, known: Places) -> float:
         """By how much the best is likelier than the known pairs, and than these where a few of them are mended by the rest."""
         mended = self.explain(known)
-        better = best.score - self.score_of(known) - _lucky(best.file_of, known, self._files)
+        better = best.score - self.score_of(known)
         if _apart(best, mended) == 0:
-            return better
+            return better  # by the zeros of the known ones themselves, so by no luck
+        better -= _lucky(best.file_of, known, self._files)
         return min(better, best.score - mended.score - _lucky(best.file_of, mended.file_of, self._files))
 
     def next_best(self, best: _Explained) -> _Explained:
@@ -206,6 +239,48 @@ def _lucky(best: Places, other: Places, files: int) -> float:
     more = int((best >= 0).sum() - (other >= 0).sum())
     lost = len(best) + files - 2 * int((best >= 0).sum())
     return _MORE * min(max(more, 0), _BY_CHANCE * float(np.sqrt(lost)))
+
+
+def _settled(changes: Sequence[_Change], rivals: Sequence[_Explained]) -> tuple[Pairs, Pairs, int]:
+    """What is surely to be made and undone, and how many pairs may be wrong."""
+    every = frozenset(pair for one in changes for pair in one.made)
+    allowed = every.intersection(*(_allowed(rival, every) for rival in rivals))
+    surely = [one for one in changes if one.gain > SURE and one.made <= allowed]
+    perhaps = [one for one in changes if one.undone and one.gain > 0 and one not in surely]
+    made = frozenset(pair for one in surely for pair in one.made)
+    undone = frozenset(pair for one in surely for pair in one.undone)
+    return made, undone, sum(max(len(one.made), len(one.undone)) for one in perhaps)
+
+
+def _pairs(file_of: Places) -> list[tuple[int, int]]:
+    return [(shot, int(file)) for shot, file in enumerate(file_of) if file >= 0]
+
+
+def _allowed(one: _Explained, pairs: Pairs) -> Pairs:
+    """Those of the pairs of which this explanation gives neither to another one."""
+    own = _pairs(one.file_of)
+    shots, files = {shot for shot, _ in own}, {file for _, file in own}
+    return frozenset(own) | {(shot, file) for shot, file in pairs if shot not in shots and file not in files}
+
+
+def _connected(pairs: Iterable[tuple[int, int]]) -> list[Pairs]:
+    """The pairs by what they share a shot or a file with."""
+    of_shot, of_file = dict[int, list[tuple[int, int]]](), dict[int, list[tuple[int, int]]]()
+    for pair in pairs:
+        of_shot.setdefault(pair[0], []).append(pair)
+        of_file.setdefault(pair[1], []).append(pair)
+    found, seen = list[Pairs](), set[tuple[int, int]]()
+    for pair in [pair for row in of_shot.values() for pair in row]:
+        together, ahead = set[tuple[int, int]](), [pair]
+        while ahead:
+            one = ahead.pop()
+            if one not in seen:
+                seen.add(one)
+                together.add(one)
+                ahead += of_shot[one[0]] + of_file[one[1]]
+        if together:
+            found.append(frozenset(together))
+    return found
 
 
 def _apart(best: _Explained, other: _Explained) -> int:

@@ -254,7 +254,9 @@ class Pairing:
             held for held in islice(self._events.newest_first(), LIVE) if now - held.moment >= self._settings.window_s
         ]
         if is_odd(shots):
-            yield from self._judge(shots[::-1], list(islice(self._frames.newest_first(), LIVE))[::-1])
+            # Files of newer shots are left out as these are: with some that have no shot any shift of the rows costs nothing.
+            orphans = [held for held in islice(self._frames.newest_first(), LIVE) if held.event is None]
+            yield from self._judge(shots[::-1], [*(held.frame for held in shots[::-1] if held.frame), *orphans[::-1]])
         else:
             self.doubts = Doubts()
 
@@ -267,6 +269,8 @@ class Pairing:
         shots = [held for held in shots if held.frame or not self._search.is_doubtful(held)]
         found = judge(shots, [held for held in frames if may_change(held)], is_part=is_part)
         self.doubts = found.doubts
+        for event in found.refuted:
+            yield from self._release(event)
         for event, frame in found.pairs:
             yield from self._release(event)
             if frame.event:

@@ -22,6 +22,7 @@ Key = TypeVar("Key", bound=Hashable)
 NUMBERS, CLOCK, ARRIVAL = "the numbers in the file names", "the camera's clock", "the files' arrival"
 AGREES, _DIFFERS = 2.2, -6.0  # of numbers
 _OUTLIER = 0.001  # share of times that are wrong
+_LATE = 0.02  # ... of files that come later than usual, however much: a link that was gone holds them back
 _PEAKS = 10  # zeros of one ruler that are tried
 _COMPARED = 2_500_000  # differences that are looked through for them: all of 1,500 shots and files, a share of more
 _AT_ENDS = 4  # shots and files at either end by which they are shifted
@@ -156,7 +157,8 @@ class Rulers:
         if zeros.clock is not None:
             scores += _fitting(self._captured[files] - self._moments[shots], *zeros.clock)
         if zeros.arrival is not None:
-            scores += _fitting(arrived, *zeros.arrival)
+            fits = _fitting(arrived, *zeros.arrival)
+            scores += np.where(arrived > zeros.arrival[0], np.maximum(fits, np.log(_LATE)), fits)
         scores[arrived < _IMPOSSIBLE_S] = _NEVER
         return scores
 

@@ -30,10 +30,11 @@ _LEAST = 4  # pairs; with fewer, three might be chance
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Pairs that are surely to be made instead of what there is, and what is ambiguous."""
+    """Pairs that are surely to be made instead of what there is, shots whose pair is surely wrong, and what is ambiguous."""
 
     pairs: Sequence[Pair] = ()
     doubts: Doubts = NONE
+    refuted: Sequence[PendingEvent] = ()
 
 
 def judge(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame], *, is_part: bool = False) -> Judgement:
@@ -57,12 +58,16 @@ def judge(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame], *, is_p
         is_part and changed and _adds_only(changed)
     ):  # which part of the shots a part of the files is of, the whole tells alone
         return Judgement(doubts=Doubts(pairs=len(changed), of=len(pairs), is_part=True))
-    if best.unsure:  # what there is stays; where there is nothing, the likeliest is chosen, and can be changed
-        doubts = Doubts(best.shifts, best.unsure, len(pairs))
-        fits = len(changed) == len(pairs) >= _FITS * min(len(shots), len(row)) and _adds_only(changed)
-        return Judgement(changed if fits else (), doubts)
-    is_better = best.better_by is None or best.better_by > alignment.SURE or _adds_only(changed)
-    return Judgement(changed if is_better else ())
+    is_better = best.better_by is None or best.better_by > alignment.SURE
+    in_doubt = max(best.unsure, best.contested)
+    doubts = Doubts(best.shifts, in_doubt, max(len(pairs), in_doubt)) if in_doubt else NONE
+    if _adds_only(changed):  # where there is nothing, the likeliest is chosen, and can be changed
+        fits = len(changed) == len(pairs) >= _FITS * min(len(shots), len(row))
+        made = changed if fits or not best.unsure else []
+    else:
+        sure = {(shots[shot], row[file]) for shot, file in best.sure}
+        made = [pair for pair in changed if is_better and pair in sure]
+    return Judgement(made, doubts, [shots[shot] for shot, _ in best.refuted] if is_better else [])
 
 
 def is_odd(shots: Iterable[PendingEvent]) -> bool:
