@@ -3,14 +3,14 @@
 import os
 import sys
 
-from gcs_mosaic.app.machine import allow_more_files, set_up_heap
+from gcs_mosaic.app.machine import allow_more_files, share_heap
 from gcs_mosaic.cli.streams import open_standard_streams
 
 
 def main() -> int:
     """Run the program; returns the exit code."""
     open_standard_streams()
-    set_up_heap()
+    share_heap()
     allow_more_files()
     # numpy reads it on import. BLAS threads waiting for each other within one product cost a third of a flight's total time;
     # parallel work has threads of its own.

@@ -1,23 +1,23 @@
-"""What the program asks of the operating system: how its heap is held, and as many open files as it may have."""
+"""What the program asks of the operating system: a shared heap, and as many open files as it may have."""
 
 from __future__ import annotations
 
 import ctypes
 from contextlib import suppress
 
-# Options of glibc's malloc.h. Few arenas, shared by all threads: otherwise each thread has its own, of 64 MB and never returned
-# once filled; for the threads that prepare, paint and write that is a quarter of the program's memory. Pictures of up to 32 MB
-# come out of the heap, and up to 256 MB at its end are kept: otherwise a frame's pages are returned and zeroed anew many times.
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
-HEAP = {M_ARENA_MAX: 2, M_MMAP_THRESHOLD: 32 << 20, M_TRIM_THRESHOLD: 256 << 20}
+M_ARENA_MAX = -8  # from glibc's malloc.h
+ARENAS = 2
 MOST_FILES = 4096  # more than it ever needs; the usual limit of 1,024 is for programs that know no more than select()
 
 
-def set_up_heap() -> None:
-    """Tell glibc's malloc how to hold memory; call before starting any thread."""
+def share_heap() -> None:
+    """Limit glibc's malloc to a few arenas shared by all threads; call before starting any thread.
+
+    Otherwise each thread has its own, of 64 MB and never returned once filled: for the threads that prepare, paint and write, a
+    quarter of the program's memory.
+    """
     try:
-        for option, value in HEAP.items():
-            ctypes.CDLL(None).mallopt(option, value)
+        ctypes.CDLL(None).mallopt(M_ARENA_MAX, ARENAS)
     except (OSError, AttributeError, TypeError):  # not glibc
         return
 

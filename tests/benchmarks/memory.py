@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 
 import cv2
 
-from gcs_mosaic.app.machine import set_up_heap
+from gcs_mosaic.app.machine import share_heap
 from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.pipeline.resuming import checkpoints_of
@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("--megapixels", type=float, default=3.0, help="of a frame")
     parser.add_argument("--features", type=int, default=2000, help="of a frame")
     given = parser.parse_args()
-    set_up_heap()
+    share_heap()
     told: list[tuple[int, float]] = []
     print(f"{'frames':>8}{'anonymous':>11}{'heap':>8}{'in use':>8}{'s':>7}", flush=True)
     began, most = time.monotonic(), 0.0

@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from gcs_mosaic.app.machine import set_up_heap
+from gcs_mosaic.app.machine import share_heap
 from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.waiting.prefetch import prepare
@@ -60,7 +60,7 @@ class Costs:
 
 def measured(work: Work) -> Costs:
     """Meant for a process of its own."""
-    set_up_heap()
+    share_heap()
     config = Config(scale=work.scale)
     with TemporaryDirectory() as scratch:
         wall_s, cpu_s, resident_mb = _of_command(work, Path(scratch) / "command")
