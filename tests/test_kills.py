@@ -9,6 +9,7 @@ import pytest
 from tests.benchmarks.kills import survived
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_flight_that_is_killed_again_and_again_is_whole_in_the_end(tmp_path: Path) -> None:
     assert survived(kills=4, frames=10, folder=tmp_path, seed=1).whole

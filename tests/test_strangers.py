@@ -155,6 +155,7 @@ def test_what_is_served_lies_in_the_folder(trick: str, flight: Path, outside: Pa
     serve_it(SERVED[trick], flight, outside, tmp_path)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "trick", ["an endless view of frames", "paths elsewhere", "a linked document", "devices", "a journal that deletes"]
 )

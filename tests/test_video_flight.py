@@ -134,6 +134,7 @@ def _agrees_with_the_path(frames: list[dict[str, Any]]) -> None:
     assert np.abs(turn * (b - b.mean()) - (a - a.mean())).max() < 25  # px: a frame is up to 0.15 s off its name
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.parametrize("after", [pytest.param(1, marks=pytest.mark.thorough), 5])
 def test_a_stitch_that_is_killed_goes_on_with_no_frame_twice_and_none_lost(

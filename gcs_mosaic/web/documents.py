@@ -19,7 +19,7 @@ from gcs_mosaic.store.reading import LARGEST_DOCUMENT
 from gcs_mosaic.store.told_documents import JournalHead, MosaicDocument, PlacementsDocument, StatusDocument
 from gcs_mosaic.web.access import is_local
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.operations import Lines, Operations, Reply
+from gcs_mosaic.web.api.operations import JsonLines, Operations, Reply
 from gcs_mosaic.web.choosing import ROOT
 from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.tile_answer import tagged
@@ -84,7 +84,9 @@ async def status(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add(
     "GET",
     f"/{JOURNAL_NAME}",
-    Reply("A head, and a line for each revision.", Lines(("application/x-ndjson",), (JournalHead, PlacementsDocument))),
+    Reply(
+        "A head, and a line for each revision.", JsonLines(("application/x-ndjson",), (JournalHead, PlacementsDocument))
+    ),
     query=JournalQuery,
     failures={404: "There is none now: placements.json tells everything."},
 )

@@ -9,7 +9,7 @@ from aiohttp import web
 
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.web.address_quota import AddressQuota, origin_of
-from gcs_mosaic.web.api.operations import Lines, Operations, Reply
+from gcs_mosaic.web.api.operations import JsonLines, Operations, Reply
 from gcs_mosaic.web.change import Change, ChangeEntry, Farewell, NotesChange
 from gcs_mosaic.web.choosing import ROOT
 from gcs_mosaic.web.feed import Feed, News
@@ -28,7 +28,8 @@ OPERATIONS = Operations()
     "GET",
     "/live",
     Reply(
-        "Messages, and events `notes` and `ended`.", Lines(("text/event-stream",), (ChangeEntry, NotesChange, Farewell))
+        "Messages, and events `notes` and `ended`.",
+        JsonLines(("text/event-stream",), (ChangeEntry, NotesChange, Farewell)),
     ),
     failures={503: "Too many pages are open."},
 )

@@ -28,7 +28,7 @@ OPERATIONS = Operations()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TileQuery:
+class RevisionQuery:
     """How new it is to be."""
 
     r: Annotated[str | None, "a revision: as the tile was then, or is now"] = None
@@ -42,7 +42,7 @@ class TileQuery:
         Media(("image/jpeg", "image/png", "image/webp")),
         tagged=True,
     ),
-    query=TileQuery,
+    query=RevisionQuery,
     failures={404: "There is no such tile."},
     about={"suffix": "may be left out"},
 )

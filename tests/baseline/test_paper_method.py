@@ -94,6 +94,7 @@ def test_it_is_not_painted_again_with_all_bands(out: Path, tmp_path: Path, capsy
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["paper", "adjusted"])
 @pytest.mark.parametrize("kind", ["orb", "surf"])

@@ -54,11 +54,8 @@ def flown(seed: int) -> Flown:
         if k not in lost:
             time = at + ahead + off.get(k, 0.0)
             captured = {CLOCKS[0]: None, CLOCKS[1]: float(int(time)), CLOCKS[2]: time}[clock]
-            name = (
-                f"IMG_{first + k:04d}.JPG"
-                if numbers
-                else "".join(dice.choice("abcdefghijkl") for _ in range(8)) + ".jpg"
-            )
+            letters = "" if numbers else "".join(dice.choice("abcdefghijkl") for _ in range(8))
+            name = f"{letters}.jpg" if letters else f"IMG_{first + k:04d}.JPG"
             made.whose[name] = k
             made.items.append(frame(name, at + delay + jitter * dice.random() + late.get(k, 0.0), captured=captured))
     told = {"files late": late, "clock off": off, "some lost": lost | untold}

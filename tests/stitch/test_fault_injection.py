@@ -147,6 +147,7 @@ def test_whatever_raises_while_islands_are_adjusted_each_is_adjusted_or_as_it_wa
         assert digest(mosaic) == step.adjusted, f"{name}: {event}, {at}"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("missing", "event"), [(8, DONE), (15, JUDGED)])
 def test_the_next_frames_are_placed_as_if_it_had_never_come(flight: Flight, missing: int, event: Event) -> None:
     """One that founds an island and one that joins two are lost, by a fault late in the work on them."""

@@ -119,6 +119,7 @@ def test_over_flat_ground_the_map_stays_where_it_is_and_ends_level(
     assert spread_of_scales(placements) < 0.005
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("route", [pytest.param(strip, marks=pytest.mark.thorough), lawn])
 def test_over_hills_it_neither_tilts_nor_grows(ground: Image, hills: Heights, route: Callable[[], list[Pose]]) -> None:
     """Heights with a deviation of 1.5 % of the flying height. That they shift frames by pixels is true and may be."""

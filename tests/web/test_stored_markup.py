@@ -29,6 +29,14 @@ from tests.web.test_people_on_the_page import PANELS, UNFOLD
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
 
+
+@pytest.fixture(autouse=True)
+def harm_fits_no_description(complaints: list[str]) -> Iterator[None]:
+    """What is stored here is more than any answer of ours is described to be."""
+    yield
+    complaints.clear()
+
+
 HARM = """<img src=x onerror="window.struck=1"><script>window.struck=2</script>'"--></title>]]>&lt;"""
 SHORT = "<img src=x onerror=window.struck=3>"  # names have 60 letters
 CAMERA = Camera(240, 180, focal=1.3)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from gcs_mosaic.web.api.common import LARGEST_BODY
-from gcs_mosaic.web.api.operations import PARAMETER, Failures, Lines, Media, Operation, Reply
+from gcs_mosaic.web.api.operations import PARAMETER, Failures, JsonLines, Media, Operation, Reply
 from gcs_mosaic.web.api.schema import Schema, Schemas
 
 ABOUT = (
@@ -91,7 +91,7 @@ def _content(content: Any, schemas: Schemas) -> dict[str, Any]:
     if not isinstance(content, Media):
         return {"application/json": {"schema": schemas.of(content)}}
     text = {"type": "string"} if content.is_text else {"type": "string", "format": "binary"}
-    each = {"x-itemSchema": {"anyOf": [*map(schemas.of, content.kinds)]}} if isinstance(content, Lines) else {}
+    each = {"x-itemSchema": {"anyOf": [*map(schemas.of, content.kinds)]}} if isinstance(content, JsonLines) else {}
     return {kind: {"schema": text, **each} for kind in content.types}
 
 

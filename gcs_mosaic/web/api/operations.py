@@ -33,7 +33,7 @@ class Media:
 
 
 @dataclass(frozen=True, slots=True)
-class Lines(Media):
+class JsonLines(Media):
     """Several JSON documents, of `kinds`: one on each line, or as the data of each server-sent event."""
 
     kinds: tuple[Any, ...]
@@ -127,7 +127,7 @@ def add_operations(app: web.Application, operations: Iterable[Operation]) -> Non
         if one.changes_something:
             app.router.add_route(one.method, one.path, writing(one.handler))
         else:
-            endless = isinstance(one.answer.content, Lines) and one.answer.content.is_endless
+            endless = isinstance(one.answer.content, JsonLines) and one.answer.content.is_endless
             app.router.add_get(one.path, reading(one.handler), allow_head=not endless)
 
 

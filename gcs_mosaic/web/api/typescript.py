@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable
 
 from gcs_mosaic.web.api.openapi import answers_of
-from gcs_mosaic.web.api.operations import PARAMETER, Lines, Media, Operation
+from gcs_mosaic.web.api.operations import PARAMETER, JsonLines, Media, Operation
 from gcs_mosaic.web.api.routes import ROOMS
 from gcs_mosaic.web.api.schema import Schema, Schemas
 
@@ -30,7 +30,7 @@ def declarations(operations: Iterable[Operation]) -> str:
     spoken = [one for one in operations if not isinstance(one.answer.content, Media)]
     answers = [line for one in spoken for line in _lines(one, _answer(one, schemas))]
     bodies = [line for one in spoken if one.body for line in _lines(one, type_of(schemas.of(one.body)))]
-    lines = (one.answer.content for one in operations if isinstance(one.answer.content, Lines))
+    lines = (one.answer.content for one in operations if isinstance(one.answer.content, JsonLines))
     for kind in (kind for content in lines for kind in content.kinds):
         schemas.of(kind)
     interfaces = [_interface(name, schema) for name, schema in sorted(schemas.named.items())]

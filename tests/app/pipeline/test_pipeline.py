@@ -68,6 +68,7 @@ def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched: Path, tm
     assert_explained(stitched, tmp_path)
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_second_flight_goes_beside_the_first(stitched: Path) -> None:
     before = {p: p.stat().st_mtime_ns for p in stitched.rglob("*") if p.is_file()}
