@@ -38,6 +38,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
+@pytest.fixture(autouse=True)
+def stays_here() -> Iterator[None]:
+    """Whoever leaves the working folder lets later tests start other programs: `python -m` looks there first."""
+    here = Path.cwd()
+    yield
+    if Path.cwd() != here:
+        os.chdir(here)
+        pytest.fail(f"the test has left {here}")
+
+
 @pytest.fixture(scope="session")
 def world_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where painted worlds of the simulated flights are kept during one run of the tests."""

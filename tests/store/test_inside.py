@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -118,15 +119,12 @@ def test_folders_deeper_than_any_path_are_left_out(root: Path) -> None:
 
 def remove_deep(folder: Path) -> None:
     """What pytest cannot remove: a path that is too long."""
-    os.chdir(folder)
-    try:
+    with chdir(folder):
         for _ in range(3000):
             os.chdir("d")
         for _ in range(3000):
             os.chdir("..")
             Path("d").rmdir()
-    finally:
-        os.chdir(PACKAGE)
 
 
 # Files that open, rename or remove by themselves, and why they may: none of them touches what lies in a flight's folder that is
