@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent
+from gcs_mosaic.messages import CaptureResult, Frame, Source, TriggerEvent, content_hash
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.graph.placement import Placement
 
@@ -52,3 +52,11 @@ def placement(name: str, pose: Pose, camera: Camera, **fields: Any) -> Placement
         corner_deviation_px=0.1,
     )
     return replace(plain, **fields)
+
+
+def taken(folder: Path, name: str, data: bytes | None = None, picture: str | None = None) -> Frame:
+    """A frame whose file is in the folder; its content is its name unless `data` is given."""
+    path = folder / name
+    path.write_bytes(data or name.encode())
+    digest = content_hash(path.read_bytes())
+    return replace(frame(name), path=path, content_hash=digest, size=path.stat().st_size, picture=picture)

@@ -154,3 +154,12 @@ def test_features_on_a_shelf_are_pickled_with_all_they_hold(one: ArrayShelf) -> 
         assert np.array_equal(same.descriptors, features.descriptors)
         assert np.array_equal(sure(same.faint), faint)
         assert (same.ordinary, same.sharpness, same.width) == (100, 3.0, 640)
+
+
+def test_features_that_are_lost_are_said_to_be_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    shelf = ArrayShelf(0, tmp_path)
+    for _ in range(2):
+        shelf.note_lost(OSError("gone"))
+    assert shelf.problem == "the scratch file of the features cannot be read: gone"
+    assert [one.message for one in caplog.records] == ["features cannot be read back"]
+    shelf.close()

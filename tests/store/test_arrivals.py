@@ -1,32 +1,25 @@
-"""What becomes of the files of a flight as they come, are sought again, and are told of."""
+"""What becomes of the files of a flight as they come."""
 
 from __future__ import annotations
 
-import json
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from gcs_mosaic.errors import UsageError
-from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, content_hash
+from gcs_mosaic.messages import DamagedFile, DroppedFrame
 from gcs_mosaic.render.compositor import TileCompositor
-from gcs_mosaic.store import stages
 from gcs_mosaic.store.changes import Changes
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.flight_store import FlightStore, StoreHooks
 from gcs_mosaic.store.folder import flights_of, written_ns
-from gcs_mosaic.store.lost_originals import AGAIN_S, LostOriginals
-from gcs_mosaic.store.originals import KeptOriginal, NotKept, Originals, OriginalsSettings
+from gcs_mosaic.store.lost_originals import AGAIN_S
 from gcs_mosaic.store.records import FrameState, IslandRecord
-from gcs_mosaic.store.rewritten import RewrittenFiles
-from gcs_mosaic.store.told_islands import checked_islands, told_islands
 from tests.documents import document_at
-from tests.factories import frame
+from tests.factories import taken
 from tests.sure import sure
 
 
@@ -42,13 +35,6 @@ def store(tmp_path: Path) -> Iterator[FlightStore]:
     (tmp_path / "out").mkdir()
     with closing(FlightStore(tmp_path / "out")) as store:
         yield store
-
-
-def taken(folder: Path, name: str, data: bytes | None = None, picture: str | None = None) -> Frame:
-    path = folder / name
-    path.write_bytes(data or name.encode())
-    digest = content_hash(path.read_bytes())
-    return replace(frame(name), path=path, content_hash=digest, size=path.stat().st_size, picture=picture)
 
 
 def states(store: FlightStore) -> dict[str, tuple[FrameState, str | None]]:
@@ -260,146 +246,6 @@ def test_which_changes_the_documents_tell(changes: Changes, any_at_all: bool, pu
     assert (bool(changes), changes.is_public) == (any_at_all, public)
 
 
-def test_old_originals_are_removed_from_the_folder_of_originals_alone(tmp_path: Path) -> None:
-    folder = tmp_path / "frames"
-    folder.mkdir()
-    inner, outer = folder / "a.jpg", tmp_path / "a.jpg"
-    for path in (inner, outer):
-        path.write_bytes(b"old")
-    files = RewrittenFiles()
-    files.outdated("a", inner)
-    files.outdated("a", outer)
-    files.outdated("a", folder / "gone.jpg")
-    files.remove_outdated(folder, lambda state: [])
-    assert (inner.exists(), outer.exists()) == (False, True)
-    inner.write_bytes(b"new")
-    files.remove_outdated(folder, lambda state: [])
-    assert inner.exists()
-    assert (files.first("b"), files.first("a")) == ("b", "a")
-
-
-class Kept(Originals):
-    """Originals that are kept or not, as told."""
-
-    def __init__(self, out: Path, outcomes: Sequence[KeptOriginal | NotKept]) -> None:
-        super().__init__(out, OriginalsSettings())
-        self.outcomes = list(outcomes)
-
-    def keep(self, frame: Frame) -> KeptOriginal | NotKept:
-        return self.outcomes.pop(0)
-
-
-KEPT = KeptOriginal(path="frames/x", linked=False, notice=None)
-ILL, NO_ROOM = NotKept(reason="x", notice=None), NotKept(reason="x", notice=None, for_lack_of_room=True)
-
-
-def lost(folder: Path, *outcomes: KeptOriginal | NotKept, where: Callable[[str], Path | None]) -> LostOriginals:
-    sought = LostOriginals(Kept(folder, outcomes), where)
-    assert not sought.is_due(1e9)
-    sought.add([taken(folder, name) for name in ("a", "b", "c")])
-    sought.add([taken(folder, "a")])
-    assert sought.names == ["a", "b", "c"]
-    assert len(sought) == 3
-    return sought
-
-
-def test_lost_originals_are_tried_in_turn_and_then_a_while_later(tmp_path: Path) -> None:
-    sought = lost(tmp_path, where=lambda name: None)
-    for name in "abc":
-        assert sought.is_due(100.0)
-        assert sought.next(100.0)[0].name == name
-    assert not sought.is_due(100.0 + AGAIN_S - 0.1)
-    assert sought.is_due(100.0 + AGAIN_S)
-    sought.forget("b")
-    assert sought.names == ["a", "c"]
-    sought.seek_now()
-    assert sought.is_due(0.0)
-
-
-def test_one_that_is_found_begins_the_round_anew(tmp_path: Path) -> None:
-    sought = lost(tmp_path, ILL, KEPT, ILL, ILL, where=lambda name: tmp_path / name)
-    assert [sought.next(5.0)[1] for _ in range(2)] == [ILL, KEPT]
-    assert sought.names == ["c", "a"]
-    assert sought.next(5.0)[1] == ILL
-    assert sought.is_due(5.0)
-    assert sought.next(5.0)[1] == ILL
-    assert not sought.is_due(5.0)
-
-
-def test_while_there_is_no_room_no_other_is_tried(tmp_path: Path) -> None:
-    sought = lost(tmp_path, NO_ROOM, where=lambda name: tmp_path / name)
-    assert sought.next(5.0)[1] == NO_ROOM
-    assert not sought.is_due(5.0 + AGAIN_S - 0.1)
-
-
-def test_a_file_of_that_name_that_has_changed_is_not_the_one(tmp_path: Path) -> None:
-    sought = lost(tmp_path, where=lambda name: tmp_path / name)
-    (tmp_path / "a").write_bytes(b"changed")
-    (tmp_path / "b").unlink()
-    assert [sought.next(5.0)[1] for _ in range(2)] == [None, None]
-    assert sought.read("a", content_hash(b"a")) is None
-    assert sought.read("b", content_hash(b"b")) is None
-    assert sought.read("c", content_hash(b"c")) == b"c"
-
-
-ISLAND: dict[str, Any] = {"id": 0, "bounds": [-5.0, -4, 5, 4.0], "minzoom": 0, "maxzoom": 3, "frames": 2}
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"bounds": [-5, -4, 5]},
-        {"bounds": "abcd"},
-        {"bounds": [6, -4, 5, 4]},
-        {"bounds": [-5, 5, 5, 4]},
-        {"bounds": [-5, -4, float("nan"), 4]},
-        {"bounds": [-5, -4, 1e300, 4]},
-        {"bounds": [True, 1, 5, 4]},
-        {"bounds": [None, 1, 5, 4]},
-        {"id": -1},
-        {"id": 10**9 + 1},
-        {"id": True},
-        {"id": "0"},
-        {"frames": -1},
-        {"frames": 1.5},
-        {"minzoom": -1},
-        {"maxzoom": 1000},
-        {"maxzoom": None},
-        {"merged_into": -1},
-        {"merged_into": "0"},
-    ],
-    ids=str,
-)
-def test_numbers_that_no_island_has_are_refused(change: dict[str, Any], tmp_path: Path) -> None:
-    document = {"format": 1, "islands": [ISLAND, ISLAND | change]}
-    with pytest.raises(ValueError, match="numbers that no island has"):
-        checked_islands(document)
-    (tmp_path / "mosaic.json").write_text(json.dumps(document))
-    with pytest.raises(UsageError, match="not a map that this gcs-mosaic can read"):
-        told_islands(tmp_path)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [{"merged_into": None}, {"merged_into": 0}, {"id": 10**9}, {"bounds": [1, 2, 1, 2]}, {"frames": 0}],
-    ids=str,
-)
-def test_what_an_island_may_have_is_not(change: dict[str, Any], tmp_path: Path) -> None:
-    document = {"format": 1, "islands": [ISLAND | change]}
-    (tmp_path / "mosaic.json").write_text(json.dumps(document))
-    assert told_islands(tmp_path) == document["islands"]
-
-
-@pytest.mark.parametrize("islands", [None, {}, [1], "x"])
-def test_islands_are_a_list_of_objects(islands: object) -> None:
-    with pytest.raises(ValueError, match="no list of objects"):
-        checked_islands({"islands": islands})
-
-
-def test_a_flight_that_ended_before_its_first_frame_has_no_islands(tmp_path: Path) -> None:
-    assert told_islands(tmp_path) == []
-
-
 def test_the_ledger_is_on_the_disk_before_any_document_tells_of_it(
     store: FlightStore, camera: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -410,14 +256,6 @@ def test_the_ledger_is_on_the_disk_before_any_document_tells_of_it(
         store.save(canvas, [], {})
     assert told == [False]
     assert (store.out / "mosaic.json").exists()
-
-
-def test_where_nobody_tells_the_core_it_is_minus_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unknown(name: None) -> None:
-        raise OSError("no such library")
-
-    monkeypatch.setattr("ctypes.CDLL", unknown)
-    assert stages._tells_core()() == -1
 
 
 def test_the_ledger_tells_which_islands_were_merged(store: FlightStore) -> None:

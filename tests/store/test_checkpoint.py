@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import math
 import os
 import pickle
 from collections.abc import Callable
@@ -19,7 +20,18 @@ import pytest
 from gcs_mosaic.stitch.arrays import AnyArray
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.graph.view_graph import Link
-from gcs_mosaic.store.checkpoint import LARGE, NAME, VALUES_NAME, Checkpoints, Unusable, _Reader, _write_whole
+from gcs_mosaic.store.checkpoint import (
+    LARGE,
+    NAME,
+    VALUES_NAME,
+    Checkpoints,
+    Unusable,
+    _Reader,
+    _write_whole,
+    decoded,
+    encoded,
+)
+from gcs_mosaic.store.pickle_bounds import Unbounded
 
 NEVER: Callable[[], None] = lambda: None  # noqa: E731
 NONE = np.empty((0, 2), np.uint32)
@@ -176,3 +188,76 @@ def test_what_cannot_be_saved_ends_no_flight_and_harms_no_later_checkpoint(tmp_p
         written(tmp_path, [link(1), link(3)], checkpoints)
         assert checkpoints.problem is None
     assert np.array_equal(loaded(tmp_path)[1].pixels_a, link(3).pixels_a)
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.arange(6.0).reshape(2, 3),
+        np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        np.arange(12.0).reshape(3, 4)[:, ::2],
+        np.float32(1.5),
+        np.array([True, False]),
+    ],
+)
+def test_what_is_encoded_is_decoded_with_its_layout(array: np.ndarray) -> None:
+    (found,) = decoded(encoded((array,)))
+    assert np.array_equal(found, array)
+    assert found.dtype == array.dtype
+    wants_f = array.ndim > 1 and array.flags.f_contiguous
+    assert bool(found.ndim > 1 and found.flags.f_contiguous) is wants_f
+
+
+def nested(deep: int) -> tuple[Any, ...]:
+    found: tuple[Any, ...] = ()
+    for _ in range(deep - 1):
+        found = (found,)
+    return found
+
+
+def test_values_are_a_hundred_deep_and_no_deeper() -> None:
+    assert decoded(encoded(nested(100))) == nested(100)
+    with pytest.raises(Unbounded, match="too deep"):
+        decoded(encoded(nested(101)))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda data: b"something else", "is none of ours"),
+        (lambda data: data[:40], "is none of ours"),
+        (lambda data: data[:22] + b"\x09" + data[23:], "was written by another version of the program"),
+        (lambda data: data[:30] + bytes([data[30] ^ 1]) + data[31:], "was written by another version of the program"),
+        (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "is damaged"),
+    ],
+)
+def test_a_checkpoint_that_is_none_asks_to_stitch_again(
+    tmp_path: Path, change: Callable[[bytes], bytes], reason: str
+) -> None:
+    """Where there is none at all, the ledger tells what became of its flight."""
+    with closing(Checkpoints(tmp_path)) as none:
+        assert none.load() == Unusable("it has no checkpoint", stitch_again=False)
+        none.write(lambda: (1, 2, 3), lambda: None, at_once=True)
+    with closing(Checkpoints(tmp_path)) as whole:
+        assert whole.load() == (1, 2, 3)
+    path = tmp_path / "checkpoint"
+    path.write_bytes(change(path.read_bytes()))
+    with closing(Checkpoints(tmp_path)) as broken:
+        assert broken.load() == Unusable(f"its checkpoint {reason}", stitch_again=True)
+
+
+def test_a_checkpoint_is_written_when_it_is_due_or_at_once(tmp_path: Path) -> None:
+    def last() -> object:
+        with closing(Checkpoints(tmp_path, read_only=True)) as reader:
+            return reader.load()
+
+    with closing(Checkpoints(tmp_path)) as written:
+        written.write(lambda: (1,), lambda: None)
+        written._wait()
+        assert last() == (1,)
+        written._due = math.inf
+        written.write(lambda: (2,), lambda: None)
+        written._wait()
+        assert last() == (1,)
+        written.write(lambda: (3,), lambda: None, at_once=True)
+        assert last() == (3,)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.folder import LEDGER_NAME
-from gcs_mosaic.store.foreign_file import MOST_STEPS, ForeignFile
+from gcs_mosaic.store.foreign_file import MOST_STEPS, ForeignFile, refuse_strange_files
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FlightRecord
 from gcs_mosaic.store.schema import connect, connect_for_reading
@@ -101,3 +102,17 @@ def test_rows_that_take_too_long_are_a_sentence(flight: Path, monkeypatch: pytes
     monkeypatch.setattr("gcs_mosaic.store.foreign_file.MOST_STEPS", 5)
     with Ledger(flight / LEDGER_NAME, read_only=True) as opened, pytest.raises(UsageError, match="cannot be read"):
         opened.rows(f"{ENDLESS} SELECT count(*) FROM n")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="whether a file has holes is not told everywhere")
+@pytest.mark.parametrize(("size", "refused"), [(64_000_000, False), (64_000_001, True)])
+@pytest.mark.parametrize("end", ["", "-wal"])
+def test_a_file_of_holes_is_no_ledger(tmp_path: Path, size: int, refused: bool, end: str) -> None:
+    path = tmp_path / "flight.sqlite"
+    with path.with_name(f"{path.name}{end}").open("wb") as file:
+        file.truncate(size)
+    if not refused:
+        refuse_strange_files(path)
+        return
+    with pytest.raises(UsageError, match=r"has 0\.1 GB, which no file of gcs-mosaic has"):
+        refuse_strange_files(path)

@@ -34,7 +34,7 @@ from gcs_mosaic.store.checkpoint import (
 )
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.pickle_bounds import Unbounded, refuse_unbounded
+from gcs_mosaic.store.pickle_bounds import Budget, Unbounded, refuse_unbounded
 
 NAME_OF_VALUES = bytes(16)
 PROTO = b"\x80\x05"
@@ -235,3 +235,10 @@ def test_check_calls_no_crafted_checkpoint_whole(tmp_path: Path, body: bytes) ->
     with Ledger(tmp_path / LEDGER_NAME) as ledger:
         check_checkpoint(written(tmp_path, body), ledger, part)
     assert part.faults
+
+
+def test_a_budget_is_spent_to_its_end() -> None:
+    budget = Budget(1)
+    budget.spend((64 << 20) + 32)
+    with pytest.raises(Unbounded):
+        budget.spend(1)

@@ -13,7 +13,20 @@ from gcs_mosaic.messages import LinkReport, Refusals, SourceReport
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.documents import compact, write_json
 from gcs_mosaic.store.records import Accounts, NoticeRecord
-from gcs_mosaic.store.status import Behind, LastFrame, Status, read_status, status_document, status_lines
+from gcs_mosaic.store.status import (
+    Behind,
+    LastFrame,
+    Status,
+    behind_words,
+    counted,
+    harmless,
+    latency_words,
+    link_words,
+    read_status,
+    status_document,
+    status_lines,
+    watch_words,
+)
 from gcs_mosaic.store.told_documents import EventAccount, FrameAccount, StatusDocument
 from tests.documents import misfits
 
@@ -147,3 +160,43 @@ def test_status_that_cannot_be_read_is_a_clear_error(tmp_path: Path) -> None:
         (tmp_path / "status.json").write_text(nonsense)
         with pytest.raises(UsageError, match="is not a status"):
             read_status(tmp_path)
+
+
+LINK: dict[str, Any] = {
+    "state": "heard",
+    "silences": 0,
+    "other_triggers": {},
+    "refused": {"crc": 0},
+    "sent": 0,
+    "followed": 1,
+}
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({}, "heard"),
+        ({"silences": 2}, "heard; 2 silences"),
+        ({"other_triggers": {"7": 3}}, "heard; triggers left out, as system 1 is followed: 3 of system 7"),
+        (
+            {"other_triggers": {"7": 3}, "counted": [1, 2]},
+            "heard; triggers left out, as systems 1, 2 count: 3 of system 7",
+        ),
+        ({"refused": {"crc": 5, "sign": 0}}, "heard; packets refused: 5 crc"),
+        ({"sent": 4}, "heard; 4 packets sent"),
+    ],
+)
+def test_a_link_is_told_of_with_what_is_unusual(more: dict[str, Any], words: str) -> None:
+    assert "; ".join(link_words(LINK | more)) == words
+
+
+def test_words_of_a_status() -> None:
+    assert counted({"placed": 3, "pending": 0, "damaged": 1}) == "3 placed, 1 damaged"
+    assert counted({"placed": 0}) == "none yet"
+    assert behind_words({"frames_in_queue": 0}) == "none waits"
+    assert latency_words({"seconds_to_tile": 2.04}) == ", on the map 2.0 s after it came"
+    assert latency_words({"seconds_to_tile": None}) == ""
+    assert harmless("a\x1b[31m b\u202e") == "a?[31m b?"
+    watch = {"state": "watching", "since": None, "seen": 4, "taken": 3, "damaged": 1, "gaps": 0}
+    assert "; ".join(watch_words(watch)) == "watching; 4 seen, 3 taken, 1 damaged"
+    assert next(watch_words(watch | {"since": "noon"})) == "watching since noon"
