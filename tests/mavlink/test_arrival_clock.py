@@ -52,7 +52,8 @@ def test_what_waited_in_the_kernel_is_dated_by_its_arrival(family: socket.Addres
             pytest.skip("this machine has no IPv6")
         reading = DatagramReader(bound)
         sender.connect(bound.getsockname())
-        time.sleep(0.3)  # Linux begins to stamp a moment after the first socket asks for it; until then the reading is the stamp
+        # Linux begins to stamp a moment after the first socket asks for it; until then the reading is the stamp.
+        time.sleep(0.3)
         sent = []
         for _ in range(3):
             before = time.monotonic()
