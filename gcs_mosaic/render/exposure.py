@@ -26,6 +26,8 @@ Gain = tuple[float, ...]  # one per band
 PALETTE_SATURATION = 75  # median of highest minus lowest channel
 PALETTE_SPREAD = 40  # RMS distance from the mean of all that is not grey: ground has one hue, a palette several
 DARKEST, BRIGHTEST = 8, 247  # grey levels; beyond them a channel may be clipped and is ignored
+# Grey levels: what a factor above 1 brings beyond the first is rolled off so that this white stays what it is.
+SHOULDER, WHITE = 200.0, 250.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,12 +154,27 @@ def is_false_colour(small: Levels) -> bool:
 
 
 def apply_gain(image: ImageBGR, gain: Gain) -> ImageBGR:
-    """The image (h, w, 3) with its channels multiplied and clipped; the same array for gains of 1."""
+    """The image (h, w, 3) with its channels multiplied and rolled off; the same array for gains of 1."""
     if gain == (1.0, 1.0, 1.0):
         return image
-    levels = np.arange(256)[:, None] * np.array(gain)
+    levels = rolled_off((np.arange(256)[:, None] * np.array(gain)).astype(np.float32), np.array(gain, np.float32))
     table = np.clip(np.rint(levels), 0, 255).astype(np.uint8).reshape(1, 256, 3)
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
+
+
+def rolled_off(levels: FloatImage, factors: FloatImage) -> FloatImage:
+    """Levels that factors (of a shape that broadcasts) have made, compressed between SHOULDER and what WHITE has become, if that
+    is more than WHITE: light that the photograph has is not blown. Monotonous, and smooth at the shoulder."""
+    reach = np.maximum(np.float32(WHITE) * factors - np.float32(SHOULDER), np.float32(WHITE - SHOULDER))
+    bend = np.float32(1 / (WHITE - SHOULDER)) - np.float32(1) / reach  # 0 for factors of 1 and less
+    beyond = np.maximum(levels, np.float32(SHOULDER))
+    beyond -= np.float32(SHOULDER)
+    divisor = beyond * bend
+    divisor += 1
+    rolled = levels - beyond
+    np.divide(beyond, divisor, out=divisor)
+    rolled += divisor
+    return rolled
 
 
 def _unclipped(image: Levels) -> Mask:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gcs_mosaic.render.blending import blended, blended_bands
 from gcs_mosaic.render.cells import CELL
-from gcs_mosaic.render.exposure import apply_gain
+from gcs_mosaic.render.exposure import SHOULDER, apply_gain, rolled_off
 from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import Layer, make_layer
@@ -28,6 +28,7 @@ WHOLE = slice(0, TILE_SIZE), slice(0, TILE_SIZE)
 # Minimum share of a frame wherever it is made: it shows where the frames with larger shares do not cover the tile.
 LEAST_SHARE = 1e-3  # of 255
 # A sharp transition takes half a cell, not a whole one: a person on a seam is transparent on fewer pixels.
+AT_ONCE = 16  # rows of pixels
 STEEP = np.clip(2 * np.arange(256) - 127.5, 0, 255).astype(np.uint8)
 
 
@@ -131,17 +132,19 @@ def enlarged(patch: AnyImage) -> AnyImage:
 
 
 def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> ImageBGR:
-    """An image (h, w, 3) times its gains and a factor (h, w, 3), plus a shift (h, w, 3)."""
-    lit: Any = colour
-    if bright is not None:
-        lit = cv2.multiply(
-            colour, bright * np.array(gain, np.float32), dtype=cv2.CV_8U if shift is None else cv2.CV_32F
-        )
-    elif gain != (1.0, 1.0, 1.0):
-        if shift is None:
-            return apply_gain(colour, gain)
-        lit = colour * np.array(gain, np.float32)
-    return np.asarray(lit if shift is None else cv2.add(lit, shift, dtype=cv2.CV_8U), np.uint8)
+    """An image (h, w, 3) times its gains and a factor (h, w, 3), rolled off, plus a shift (h, w, 3)."""
+    if bright is None:
+        lit: Any = apply_gain(colour, gain)
+    else:
+        by = bright * np.array(gain, np.float32)
+        lit = cv2.multiply(colour, by, dtype=cv2.CV_32F)
+        if int(colour.max(initial=0)) * float(by.max(initial=0)) > SHOULDER:  # few tiles
+            for top in range(0, len(lit), AT_ONCE):  # within the processor's cache: three times as fast
+                rows = slice(top, top + AT_ONCE)
+                lit[rows] = rolled_off(lit[rows], by[rows])
+    if shift is not None:
+        return np.asarray(cv2.add(lit, shift, dtype=cv2.CV_8U), np.uint8)
+    return np.asarray(lit if bright is None else cv2.convertScaleAbs(lit), np.uint8)
 
 
 def mixed(parts: Sequence[tuple[Part, Piece]]) -> Layer | None:

@@ -5,12 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gcs_mosaic.render.exposure import (
+    SHOULDER,
+    WHITE,
     ExposureSettings,
     OverlapMeans,
     apply_gain,
     gain_beside,
     is_false_colour,
     overlap_means,
+    rolled_off,
     solve_gains,
 )
 from tests.sure import sure
@@ -100,10 +103,24 @@ def test_clipped_pixels_do_not_count_and_no_overlap_is_none() -> None:
     assert overlap_means(grey, grey, lambda pixels: pixels * np.nan) is None
 
 
-def test_a_gain_multiplies_and_clips() -> None:
+def test_a_gain_multiplies_and_rolls_off_what_it_would_blow() -> None:
     image = np.full((2, 2, 3), 100, np.uint8)
     assert apply_gain(image, (1.0, 1.0, 1.0)) is image
-    assert apply_gain(image, (0.5, 1.5, 4.0))[0, 0].tolist() == [50, 150, 255]
+    assert apply_gain(image, (0.5, 1.5, 4.0))[0, 0].tolist() == [50, 150, 242]
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.05, 1.4, 4.0])
+def test_no_light_is_blown_that_the_photograph_has(factor: float) -> None:
+    taken = np.arange(256, dtype=np.float32)
+    shown = rolled_off(taken * np.float32(factor), np.float32(factor))
+    assert (np.diff(shown) > 0).all()
+    assert (shown[taken < WHITE] < WHITE).all()
+    dark = taken * factor <= SHOULDER
+    np.testing.assert_array_equal(shown[dark], taken[dark] * np.float32(factor))
+    if factor <= 1:
+        np.testing.assert_array_equal(shown, taken * np.float32(factor))
+    else:
+        assert shown[int(WHITE)] == pytest.approx(WHITE, abs=0.01)
 
 
 @pytest.mark.parametrize("palette", ["INFERNO", "JET", "HOT", "PLASMA", "RAINBOW", "MAGMA"])
