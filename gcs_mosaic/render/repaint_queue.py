@@ -37,7 +37,9 @@ OVERLAY_DIFFERS = 0.03  # of a frame: less is its outline, for which not all fra
 SHARPENED_TOGETHER = 4  # of overlapping frames: one by one, the ground that they share would be painted as often
 NEWER = 4  # frames that stay coarse while there are newer ones: what they show is still changed by the next
 PAUSE_S = 3.0  # without a new frame: then fewer are sharpened too
-LIVE_BLOCK = 8  # tiles a side repainted together during a flight: fewer share frames, more are seldom done before the next frame
+LIVE_BLOCK = (
+    8  # tiles a side repainted together during a flight: fewer share frames, more are seldom done before the next frame
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,9 +235,9 @@ class RepaintQueue(Kept):
             most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
             return [self._step(name, partial(self._move_stale, name), self._stale) for name in most]
         if self._coarse and (len(self._coarse) >= SHARPENED_TOGETHER + NEWER or self._is_pause()):
-            names = list(islice(self._coarse, SHARPENED_TOGETHER))
-            self.canvas.expect([self._painted[name] for name in names])
-            return [self._step(name, partial(self._sharpen, name), self._coarse) for name in names]
+            coarse = list(islice(self._coarse, SHARPENED_TOGETHER))
+            self.canvas.expect([self._painted[name] for name in coarse])
+            return [self._step(name, partial(self._sharpen, name), self._coarse) for name in coarse]
         self._refitted = self.shows_old_range
         return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
 
