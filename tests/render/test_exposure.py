@@ -112,7 +112,7 @@ def test_a_gain_multiplies_and_rolls_off_what_it_would_blow() -> None:
 @pytest.mark.parametrize("factor", [0.5, 1.0, 1.05, 1.4, 4.0])
 def test_no_light_is_blown_that_the_photograph_has(factor: float) -> None:
     taken = np.arange(256, dtype=np.float32)
-    shown = rolled_off(taken * np.float32(factor), np.float32(factor))
+    shown = rolled_off(taken * np.float32(factor), np.full(256, factor, np.float32))
     assert (np.diff(shown) > 0).all()
     assert (shown[taken < WHITE] < WHITE).all()
     dark = taken * factor <= SHOULDER
