@@ -13,7 +13,7 @@ from typing import Protocol
 from rich.console import Console
 
 from gcs_mosaic.app.status.terminal import Terminal
-from gcs_mosaic.store.progress import ProgressFile, Step, left_words
+from gcs_mosaic.store.progress import ProgressFile, RunStep, left_words
 
 EACH_S = 1.0  # between two lines
 
@@ -97,11 +97,11 @@ class Lines:
         """A context in which it is in progress.json of a folder, too."""
         return ProgressFile(folder, "reprocess", self._step)
 
-    def _step(self) -> Step:
+    def _step(self) -> RunStep:
         costs = self.costs
         if not costs:
-            return Step("starting", 0)
-        return Step(costs[-1].stage, costs[-1].done, costs[-1].tasks, costs[-1].left_s)
+            return RunStep("starting", 0)
+        return RunStep(costs[-1].stage, costs[-1].done, costs[-1].tasks, costs[-1].left_s)
 
 
 def _print_json(document: dict[str, object]) -> None:

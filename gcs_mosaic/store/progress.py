@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 EACH_S = 1.0
 
 
-class Step(NamedTuple):
+class RunStep(NamedTuple):
     """What is being done; `of`, `left_s`: None where nobody knows."""
 
     doing: str
@@ -41,7 +41,7 @@ class ProgressFile:
     `look` is asked for the step on that thread. A run that fails leaves no file: the terminal has said why.
     """
 
-    def __init__(self, folder: Path, command: CommandName, look: Callable[[], Step]) -> None:
+    def __init__(self, folder: Path, command: CommandName, look: Callable[[], RunStep]) -> None:
         self._folder, self._command, self._look = folder, command, look
         self._started, self._end = time.time(), threading.Event()
         self._thread = threading.Thread(target=self._keep, name="progress", daemon=True)
@@ -89,7 +89,7 @@ def progress_lines(document: dict[str, Any], age_s: float) -> list[str]:
     head = f"{document['command']}: {document['state']}, begun {document['started']}, {document['updated']}"
     if document["state"] != "running":
         return [head]
-    step = Step(document["doing"], document["done"], document["of"], document["seconds_left"])
+    step = RunStep(document["doing"], document["done"], document["of"], document["seconds_left"])
     hangs = [f"nothing was written for {age_s:.0f} s: the program was killed or hangs"] if age_s > HUNG_AFTER_S else []
     return [head, *hangs, step.words()]
 

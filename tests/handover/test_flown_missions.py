@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from rich.console import Console
@@ -13,8 +14,9 @@ from rich.console import Console
 from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.tree import Config
-from gcs_mosaic.views.coverage import IslandCoverage
-from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.stitch.camera.geometry import similarity_between
+from gcs_mosaic.views.coverage import Coverage, Gap, IslandCoverage
+from gcs_mosaic.views.flight_view import FlightView, FrameTable
 from sitl.flight import Flight, plan
 from sitl.geometry import CameraState
 from sitl.messages import position
@@ -22,6 +24,7 @@ from sitl.path import Plan
 from sitl.score import islands_of, lay
 from tests.documents import document_at
 from tests.notes.written_pins import write_pins
+from tests.sure import sure
 
 SIZE, HEIGHT, WORLD = (400, 300), 60.0, 4096
 QUIET = Console(quiet=True)
@@ -34,11 +37,26 @@ def write_pictures(flight: Flight, folder: Path, begin: str) -> None:
         (folder / f"{begin}_{Path(name).name}").write_bytes(data)
 
 
-def gaps_of(out: Path) -> list[float]:
-    """The areas of the gaps on the largest island, in canvas units."""
-    islands = document_at(out / "mosaic.json")["islands"]
-    largest = max((one for one in islands if one["merged_into"] is None), key=lambda one: one["frames"])
-    return [gap.area for gap in IslandCoverage(FlightView(out)).of(largest["id"])[1]]
+def coverage_of(out: Path) -> tuple[FrameTable, Coverage, list[Gap]]:
+    """Of island 0, which all frames are on."""
+    view = FlightView(out)
+    coverage, gaps = IslandCoverage(view).of(0)
+    return view.table(), sure(coverage), gaps
+
+
+def unseen_within(out: Path, before: FrameTable, hole: Gap) -> float:
+    """The share of a hole that nobody has seen by now. `before`: the frames on the canvas that it was told on."""
+    now, coverage, _ = coverage_of(out)
+    places = {one.name: (one.pose.x, one.pose.y) for one in now.frames}
+    old = np.array([(one.pose.x, one.pose.y) for one in before.frames])
+    new = np.array([places[one.name] for one in before.frames])
+    scale, angle, shift = similarity_between(old, new)
+    turn = scale * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    grid = coverage.grid
+    cells = (np.array(hole.outline) @ turn.T + shift - (grid.left, grid.top)) / grid.cell - 0.5
+    inside = cv2.fillPoly(np.zeros(coverage.looks.shape, np.uint8), [np.rint(cells).astype(np.int32)], 1) > 0
+    assert inside.sum() > 100
+    return float((coverage.looks[inside] == 0).mean())
 
 
 def pin_down(out: Path, flight: Flight, folder: Path) -> None:
@@ -70,7 +88,8 @@ def test_a_mission_that_is_flown_closes_the_gap(tmp_path: Path, world_cache: Pat
     first = replace(whole, states=tuple(whole.states[k] for k in kept), names=tuple(whole.names[k] for k in kept))
     write_pictures(first, tmp_path / "frames", "A")
     out = stitch([tmp_path / "frames"], tmp_path / "out", Config(), QUIET)
-    (hole, *_) = gaps_of(out)
+    before, _, (hole, *_) = coverage_of(out)
+    assert unseen_within(out, before, hole) == 1.0
     pin_down(out, first, tmp_path)
     file = tmp_path / "gaps.waypoints"
     words = ["--format", "mission-waypoints", "--height", str(HEIGHT), "--to", str(file)]
@@ -80,4 +99,4 @@ def test_a_mission_that_is_flown_closes_the_gap(tmp_path: Path, world_cache: Pat
     write_pictures(again, tmp_path / "frames", "B")
     both = stitch([tmp_path / "frames"], tmp_path / "both", Config(), QUIET)
     assert document_at(both / "mosaic.json")["frames"]["placed"] >= len(first.states)
-    assert sum(gaps_of(both)) < hole / 50
+    assert unseen_within(both, before, hole) == 0.0

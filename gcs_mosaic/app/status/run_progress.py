@@ -12,13 +12,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, Task, TextColumn, TimeRemainingColumn
 
 from gcs_mosaic.app.status.terminal import LINE_EACH_S
-from gcs_mosaic.store.progress import ProgressFile, Step
+from gcs_mosaic.store.progress import ProgressFile, RunStep
 from gcs_mosaic.store.told_documents import CommandName
 
 logger = logging.getLogger(__name__)
 
 REFRESHES = 4.0  # of the bars a second: drawing them takes the interpreter from the stitching
-NOTHING = Step("starting", 0)
+NOTHING = RunStep("starting", 0)
 
 
 class RunProgress(Progress):
@@ -34,7 +34,7 @@ class RunProgress(Progress):
         self._lines = None if not no_bars or console.quiet else LinesNow(console, lambda: self.step.words())
 
     @property
-    def step(self) -> Step:
+    def step(self) -> RunStep:
         """Of the newest task."""
         tasks = self.tasks
         return step_of(tasks[-1]) if tasks else NOTHING
@@ -73,7 +73,7 @@ class LinesNow:
                 return
 
 
-def step_of(task: Task) -> Step:
+def step_of(task: Task) -> RunStep:
     """Where a task is; `left_s` by the speed of the last half minute."""
     total = None if task.total is None else round(task.total)
-    return Step(task.description, round(task.completed), total, None if total is None else task.time_remaining)
+    return RunStep(task.description, round(task.completed), total, None if total is None else task.time_remaining)
