@@ -37,7 +37,9 @@ OVERLAY_DIFFERS = 0.03  # of a frame: less is its outline, for which not all fra
 SHARPENED_TOGETHER = 4  # of overlapping frames: one by one, the ground that they share would be painted as often
 NEWER = 4  # frames that stay coarse while there are newer ones: what they show is still changed by the next
 PAUSE_S = 3.0  # without a new frame: then fewer are sharpened too
-LIVE_BLOCK = 8  # tiles a side repainted together during a flight: fewer share frames, more are seldom done before the next frame
+LIVE_BLOCK = (
+    8  # tiles a side repainted together during a flight: fewer share frames, more are seldom done before the next frame
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
