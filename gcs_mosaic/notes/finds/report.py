@@ -49,7 +49,7 @@ def as_report(finds: Sequence[PlacedFind], flight: str, view: FlightView, made_u
     crops = _crops(finds[:MOST_CROPS], view)
     cards = "\n".join(_card(one, crops.get(one.find.id)) for one in finds)
     anchored = bool(finds) and all(one.geo is not None for one in finds)
-    title = html.escape(f"{shown(flight)}: {len(finds)} finds")
+    title = html.escape(f"{shown(flight)}: {len(finds)} find{'' if len(finds) == 1 else 's'}")
     said = "" if anchored else f"<p>{html.escape(NO_ANCHOR)}</p>"
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
