@@ -68,10 +68,12 @@ class Person:
         page.wait_for("document.querySelectorAll('.leaflet-tile-loaded img').length > 0")
 
     def press(self, id_: str) -> None:
-        """Of a panel's tab that is not to be seen the button of its phase first."""
+        """Of a panel's tab that is not to be seen the button of its phase first, which is all where it is the only one."""
         button = f"document.getElementById('{id_}')"
         if phase := self.page.evaluate(f"({button}.getClientRects().length === 0 && {button}.dataset.phase) || ''"):
             self.page.evaluate(f"document.getElementById('phase-{phase}').click()")
+            if not self.page.evaluate(f"document.getElementById('{id_.removeprefix('open-')}').hidden"):
+                return
         assert self.page.evaluate(f"document.getElementById('{id_}').getClientRects().length") > 0, id_
         self.page.evaluate(f"document.getElementById('{id_}').click()")
 
