@@ -38,7 +38,7 @@ class Sighting:
     border_px: float  # from the frame's border
     covered: bool  # it is not painted itself, another frame shows all that it does
     sharpness: float | None  # as in `FrameRecord`
-    clock: Clock | None = None  # see `Taken`
+    clock: Clock | None = None  # see `CaptureTime`
     as_sharp: float = 1.0  # its sharpness as a share of that of the sharpest look at this place
 
     @property

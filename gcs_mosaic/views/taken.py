@@ -28,7 +28,7 @@ Clock = Literal["camera", "message", "file"]
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class CaptureTime:
     """Seconds since 1970. `by`: the camera's clock, whose zone is not known, as if it showed UTC; a message; or nothing better
     than the file's own time, which is when it came."""
 
@@ -43,14 +43,14 @@ class TakenTimes:
         self._root = root
         self._by_camera = lru_cache(KEPT)(self._in_original)
 
-    def of(self, frame: FrameRecord | PositionRecord, told: float | None) -> Taken | None:
+    def of(self, frame: FrameRecord | PositionRecord, told: float | None) -> CaptureTime | None:
         """A frame's; `told`: what a message says, seconds since 1970. None where nothing is known."""
         camera = self._by_camera(frame.original, frame.content_hash)
         if camera is not None:
-            return Taken(camera, "camera")
+            return CaptureTime(camera, "camera")
         if told is not None:
-            return Taken(told, "message")
-        return None if frame.modified is None else Taken(frame.modified, "file")
+            return CaptureTime(told, "message")
+        return None if frame.modified is None else CaptureTime(frame.modified, "file")
 
     def by_one_clock(self, frames: Sequence[PositionRecord], told: Mapping[int, float]) -> Array:
         """Of frames (n,), seconds to compare them by: of the best clock that has all of them, else when they came; NaN where

@@ -18,7 +18,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.picture_tiles import KEPT_S, PictureTiles
 from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, original, picture
 from gcs_mosaic.views.sightings import Sighting, sightings
-from gcs_mosaic.views.taken import Clock, Taken
+from gcs_mosaic.views.taken import CaptureTime, Clock
 from gcs_mosaic.web.api.asked import asked_query
 from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, map_revision, missing, told_anew
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
@@ -248,7 +248,7 @@ async def _source(request: web.Request) -> Original:
 
 def _entry(one: Sighting) -> SightingAnswer:
     told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time", "time_by")}
-    taken = None if one.utc is None or one.clock is None else Taken(one.utc, one.clock)
+    taken = None if one.utc is None or one.clock is None else CaptureTime(one.utc, one.clock)
     return SightingAnswer(**told, name=_shown(one.name), time=_written(taken), time_by=one.clock)
 
 
@@ -269,7 +269,7 @@ def _shown(name: str) -> str:
     return name.encode("utf-8", "replace").decode()
 
 
-def _written(taken: Taken | None) -> str | None:
+def _written(taken: CaptureTime | None) -> str | None:
     if taken is None:
         return None
     zone = "" if taken.by == "camera" else "Z"

@@ -86,7 +86,7 @@ class ReviewedAnswer:
 @OPERATIONS.add(
     "POST",
     PATH,
-    Reply("Taken in; on the disk some seconds later.", CellsAnswer, 202),
+    Reply("CaptureTime in; on the disk some seconds later.", CellsAnswer, 202),
     body=LookBody,
     failures=NO_NOTES,
 )

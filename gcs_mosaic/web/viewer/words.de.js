@@ -115,7 +115,6 @@ export default {
   "Idle": "Ruht",
   "In its settings, under maps, as the custom map URL; then choose the map of that name.": "In den Einstellungen, unter Karten, als URL der eigenen Karte (custom map URL); dann die Karte dieses Namens wählen.",
   "In the flight planner choose the map WMS Custom, and paste this where it asks for the server.": "Im Flugplaner die Karte WMS Custom wählen und dies eintragen, wo nach dem Server gefragt wird.",
-  "Island": "Insel",
   "Island {id}: 1 frame": "Insel {id}: 1 Bild",
   "Island {id}: {n} frames": "Insel {id}: {n} Bilder",
   "Islands": "Inseln",
