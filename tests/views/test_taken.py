@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ COPIED = 1.79e9  # the files' own time
 TOLD = 1.7e9
 
 
-def flight_of(root: Path, dates: list[str | None], *, told: bool) -> FlightView:
+def flight_of(root: Path, dates: Sequence[str | None], *, told: bool) -> FlightView:
     """Frames that lie on each other; the date that each camera wrote, and whether messages tell when they were taken."""
     (root / "frames").mkdir()
     with Ledger(root / LEDGER_NAME) as ledger:
