@@ -36,6 +36,7 @@ MOVED_TOGETHER = 8  # at the end, computed in parallel
 OVERLAY_DIFFERS = 0.03  # of a frame: less is its outline, for which not all frames are repainted
 SHARPENED_TOGETHER = 4  # of overlapping frames: one by one, the ground that they share would be painted as often
 NEWER = 4  # frames that stay coarse while there are newer ones: what they show is still changed by the next
+BLURRED_PX = 4.0  # displacement of a frame that is as bad as a coarse one: what looks worse is mended first
 PAUSE_S = 3.0  # without a new frame: then fewer are sharpened too
 LIVE_BLOCK = (
     8  # tiles a side repainted together during a flight: fewer share frames, more are seldom done before the next frame
@@ -128,8 +129,9 @@ class RepaintQueue(Kept):
 
     @property
     def has_repaints(self) -> bool:
-        """Whether some frames are, or may be, displaced from where they are painted by more than the tolerance."""
-        waiting = self._unchecked or self._stale or self._rimmed or self._changed or self._coarse
+        """Whether some frames are, or may be, displaced from where they are painted by more than the tolerance, or are to be
+        sharpened now."""
+        waiting = self._unchecked or self._stale or self._rimmed or self._changed or self._to_be_sharpened()
         return bool(waiting) or self.canvas.behind > 0
 
     @property
@@ -231,13 +233,13 @@ class RepaintQueue(Kept):
         if self._rimmed:
             names = islice(self._rimmed, MOVED_AT_ONCE)
             return [self._step(name, partial(self._rim, name), self._rimmed) for name in names]
-        if self._stale:
-            most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
+        blurred = self._to_be_sharpened()
+        most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
+        if most and (not blurred or self._stale[most[0]][0] > BLURRED_PX):
             return [self._step(name, partial(self._move_stale, name), self._stale) for name in most]
-        if self._coarse and (len(self._coarse) >= SHARPENED_TOGETHER + NEWER or self._is_pause()):
-            coarse = list(islice(self._coarse, SHARPENED_TOGETHER))
-            self.canvas.expect([self._painted[name] for name in coarse])
-            return [self._step(name, partial(self._sharpen, name), self._coarse) for name in coarse]
+        if blurred:
+            self.canvas.expect([self._painted[name] for name in blurred])
+            return [self._step(name, partial(self._sharpen, name), self._coarse) for name in blurred]
         self._refitted = self.shows_old_range
         return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
 
@@ -289,12 +291,20 @@ class RepaintQueue(Kept):
         self._move(placement, off_px)
         self._carry_over(name)
 
-    def _is_pause(self) -> bool:
-        return time.monotonic() - self._newest_s > PAUSE_S
+    def _to_be_sharpened(self) -> list[str]:
+        """The next of the frames that were painted coarsely, if they are due."""
+        is_pause = time.monotonic() - self._newest_s > PAUSE_S
+        are_due = is_pause or len(self._coarse) >= SHARPENED_TOGETHER + NEWER
+        return list(islice(self._coarse, SHARPENED_TOGETHER)) if are_due else []
 
     def _sharpen(self, name: str) -> None:
+        """Paint a frame at its own level, and where it belongs."""
         del self._coarse[name]
-        self._change(self._levels.settled(self._painted[name]), self._settings.repaint_px)
+        off_px, placement = self._stale.pop(name, (0.0, None))
+        if placement is None:
+            self._change(self._levels.settled(self._painted[name]), BLURRED_PX)
+        else:
+            self._move(placement, max(off_px, BLURRED_PX))
         self._carry_over(name)
 
     def _take_final_looks(self) -> set[TileKey]:

@@ -174,8 +174,9 @@ def _is_full(coverage: Coverage) -> bool:
 
 
 def encode_mask(coverage: Coverage) -> bytes:
-    """PNG bytes of a tile's coverage."""
-    return encode(".png", coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    """PNG bytes of a tile's coverage. A compression that is asked for lets libpng try all filters on each row, which takes four
+    times as long and makes such masks larger."""
+    return encode(".png", coverage, [])
 
 
 def _put(path: Path, data: bytes, root: inside.Root) -> None:
