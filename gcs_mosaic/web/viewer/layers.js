@@ -82,9 +82,9 @@ export class Layers {
   }
 
   tell() {
-    const said = this.gaps ? `${t("Gaps")}: ${this.gaps}` : t("Gaps");
+    const counted = this.gaps ? `${t("Gaps")}: ${this.gaps}` : t("Gaps");
     const isOld = this.button.classList.contains("old");
-    this.button.textContent = isOld ? t("{gaps} (older than the map)", { gaps: said }) : said;
+    this.button.textContent = isOld ? t("{gaps} (older than the map)", { gaps: counted }) : counted;
     this.onGaps();
   }
 
