@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import CameraState, Lens
+from .waypoints import shots_of
 
 TURN_SECONDS = 2.0  # per turn between two flight lines
 CLIMB_RATIO = 3.0
@@ -36,6 +38,7 @@ class Plan:
     climbs: int = 0  # number of climbs of a survey to CLIMB_RATIO times its height and back
     strangers: int = 0  # frames over ground that no other frame sees (scenario `lost`)
     seed: int = 1
+    waypoints: Path | None = None  # the file of scenario `mission`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +135,20 @@ def oblique(lens: Lens, plan: Plan) -> list[Station]:
     return stations
 
 
-SCENARIOS: dict[str, Route] = {"survey": survey, "climb": climb, "lost": lost, "oblique": oblique}
+def mission(_lens: Lens, plan: Plan) -> list[Station]:
+    """The pictures of a mission file. Raises ValueError without one."""
+    if plan.waypoints is None:
+        raise ValueError("--scenario mission wants --waypoints FILE")
+    return [Station(x=one.x, y=one.y, height=one.height, course=one.course) for one in shots_of(plan.waypoints)]
+
+
+SCENARIOS: dict[str, Route] = {
+    "survey": survey,
+    "climb": climb,
+    "lost": lost,
+    "oblique": oblique,
+    "mission": mission,
+}
 
 
 def blown(route: list[Station], plan: Plan) -> list[CameraState]:
