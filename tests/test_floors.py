@@ -128,7 +128,7 @@ ONLY = {
     ("render", "stitch.features"): {"extraction"},
     ("store", "stitch.graph"): {"placement", "observer", "tearing"},
     ("views", "stitch.graph"): {"placement"},
-    ("views", "frames"): {"decode", "decoding", "integrity"},
+    ("views", "frames"): {"decode", "decoding", "exif", "integrity"},
     ("export", "views"): {"tile_reader", "hole_filling", "flight_view", "coverage"},
     ("geotiles", "views"): {"hole_filling"},
     ("export", "frames"): {"decode"},

@@ -21,7 +21,8 @@ pytestmark = [
 ]
 
 TILES = "[...document.querySelectorAll('.leaflet-tile img')].filter(i => i.complete && i.naturalWidth > 1).length"
-PLACED = "Number(/Frames placed\\s*(\\d+)/i.exec(document.body?.innerText ?? '')?.[1] ?? 0)"
+COUNTS = "document.getElementById('counts')?.textContent"
+PLACED = f"Number(/Frames placed\\s*(\\d+)/i.exec({COUNTS} ?? '')?.[1] ?? 0)"
 
 
 @pytest.fixture

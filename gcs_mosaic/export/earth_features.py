@@ -86,7 +86,7 @@ def _whose(vehicle: int | None) -> dict[str, int]:
 
 
 def _gaps(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
-    _, gaps = IslandCoverage(found.view).of(island.id)
+    gaps = IslandCoverage(found.view).of(island.id).gaps
     for gap in gaps:
         area = gap.area * island.anchor.metres_per_unit**2
         told = {"is": "gap", "island": island.id, "area_m2": round(area, 1), "error_m": _error(island, *gap.inside)}

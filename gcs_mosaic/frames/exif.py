@@ -1,7 +1,7 @@
 """Capture time by the camera's clock: EXIF's DateTimeOriginal and SubSecTimeOriginal of a JPEG or a TIFF.
 
-Used only to order frames, and to find the trigger of each. Sources: EXIF 2.32, TIFF 6.0, ITU-T T.81, annex B,
-and the BigTIFF of libtiff.
+Used only to order frames, to find the trigger of each, and to tell people when it was taken. Sources: EXIF 2.32, TIFF 6.0,
+ITU-T T.81, annex B, and the BigTIFF of libtiff.
 """
 
 from __future__ import annotations
@@ -43,8 +43,13 @@ def capture_time(path: Path, note: Callable[[str], None] = lambda text: None) ->
 
 def captured_s(data: bytes) -> float | None:
     """The same of a whole file, in seconds since 1970 as if the clock showed UTC."""
+    return captured_in(BytesIO(data))
+
+
+def captured_in(file: BinaryIO) -> float | None:
+    """The same of an open file, of which little is read. Raises OSError."""
     try:
-        moment = _of_file(BytesIO(data))
+        moment = _of_file(file)
     except StructureError:
         return None
     return None if moment is None else moment.replace(tzinfo=UTC).timestamp()

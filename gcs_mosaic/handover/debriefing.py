@@ -54,7 +54,8 @@ def _facts(
 
 
 def _island(one: Overview, view: FlightView, finds: Sequence[PlacedFind], laid: Laid, coverage_of: CoverageOf) -> str:
-    coverage, gaps = coverage_of(one.island)
+    seen = coverage_of(one.island)
+    coverage, gaps = seen.coverage, seen.gaps
     frames = sorted((frame for frame in view.table().frames if frame.island == one.island), key=lambda it: it.order)
     drawn = [*_ways(one, frames), *(_polygon(one, gap.outline) for gap in gaps), *one.marks(finds)]
     anchor = laid[one.island].anchor if one.island in laid else None

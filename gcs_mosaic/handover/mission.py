@@ -20,7 +20,7 @@ from gcs_mosaic.handover.lawnmower import Sweep, in_order, sweep_over
 from gcs_mosaic.handover.patches import Patch, patches_below, patches_of_gaps
 from gcs_mosaic.handover.survey import IslandSurvey, survey_of
 from gcs_mosaic.notes.texts import shown
-from gcs_mosaic.views.coverage import Coverage, Gap, footprint_of
+from gcs_mosaic.views.coverage import SeenIsland, footprint_of
 from gcs_mosaic.views.flight_view import FlightView
 
 SIDE_OVERLAP = 0.6
@@ -28,7 +28,7 @@ BEYOND = 0.25  # of a footprint: how far a line goes beyond a patch, so that its
 MOST_PATCHES = 200  # the largest of an island
 MANY_ITEMS = 700  # some autopilots hold no more
 
-CoverageOf = Callable[[int], tuple[Coverage | None, list[Gap]]]
+CoverageOf = Callable[[int], SeenIsland]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +152,8 @@ def planned(
 
 
 def _patches(view: FlightView, coverage_of: CoverageOf, island: int, anchor: Anchor, wish: MissionWish) -> list[Patch]:
-    coverage, gaps = coverage_of(island)
+    seen = coverage_of(island)
+    coverage, gaps = seen.coverage, seen.gaps
     if coverage is None:
         return []
     if wish.looks == 1 and wish.gsd_m is None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+import sqlite3
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, RecordedPosition, TriggerEvent
@@ -319,16 +320,19 @@ class Ledger(LedgerFile):
         rows = self.rows(placed_in("painted", '"order", frames.id', "WHERE painted.island = ?"), island)
         return self.made(painted_of, rows)
 
-    def positions(self) -> list[PositionRecord]:
-        """Every painted frame and how it lies, without relief and looks, in order of arrival. Quick: 100,000 take a second."""
+    def positions(self, make: Callable[[sqlite3.Row], PositionRecord] = position_record_of) -> list[PositionRecord]:
+        """Every painted frame and how it lies, without relief and looks, in order of arrival. Quick: 100,000 take a second.
+
+        `make`: who has read them before may know the record of a row.
+        """
         columns = (
-            f'frame, frames.name, island, "order", level, {POSE_COLUMNS}, frames.modified, '
-            f"{self._sharpness} AS sharpness, cameras.width AS camera_width, "
+            f'frame, frames.name, island, "order", level, {POSE_COLUMNS}, frames.modified, frames.original, '
+            f"frames.content_hash, {self._sharpness} AS sharpness, cameras.width AS camera_width, "
             f"cameras.height AS camera_height, {LENS_COLUMNS}, "
             "(SELECT corner_deviation_px FROM estimates WHERE estimates.frame = painted.frame) AS deviation"
         ) + (", frames.vehicle" if self._has("vehicle") else "")
         tables = "painted JOIN frames ON frames.id = painted.frame JOIN cameras ON cameras.id = painted.camera"
-        return self.made(position_record_of, self.rows(f"SELECT {columns} FROM {tables} ORDER BY frame"))
+        return self.made(make, self.rows(f"SELECT {columns} FROM {tables} ORDER BY frame"))
 
     def reported_positions(self) -> list[ReportedPosition]:
         """All positions that were told of frames, duplicate messages included, in the order in which they came."""
@@ -344,6 +348,16 @@ class Ledger(LedgerFile):
         if not self.rows("SELECT 1 FROM sqlite_schema WHERE name = 'recorded'"):
             return []
         return self.made(recorded_position_of, self.rows("SELECT * FROM recorded ORDER BY frame"))
+
+    def message_times(self) -> dict[int, float]:
+        """When messages say that frames were taken, by the frames' numbers (`frames.id`); seconds since 1970."""
+        told = "SELECT frame, min(utc) AS utc FROM events WHERE frame IS NOT NULL AND utc IS NOT NULL GROUP BY frame"
+        return {row["frame"]: float(row["utc"]) for row in self.rows(told)}
+
+    def message_time(self, number: int) -> float | None:
+        """The same of one frame."""
+        (row,) = self.rows("SELECT min(utc) AS utc FROM events WHERE frame = ?", number)
+        return None if row["utc"] is None else float(row["utc"])
 
     def painted_frame(self, number: int) -> RenderItem | None:
         """How one frame is painted, by its number (`frames.id`)."""

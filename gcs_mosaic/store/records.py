@@ -121,6 +121,8 @@ class PositionRecord:
     pose: Pose
     camera: Camera
     modified: float | None  # capture time if known, else the file's; seconds since 1970
+    original: str | None = None  # as in `FrameRecord`
+    content_hash: str | None = None  # as in `FrameRecord`
     corner_deviation_px: float | None = None  # as in `Estimate`
     sharpness: float | None = None  # as in `FrameRecord`
     vehicle: int | None = None  # as in `FrameRecord`

@@ -337,6 +337,8 @@ def position_record_of(row: sqlite3.Row) -> PositionRecord:
         pose=pose_of(row),
         camera=camera_of(row),
         modified=row["modified"],
+        original=restored(row["original"]),
+        content_hash=row["content_hash"],
         corner_deviation_px=row["deviation"],
         sharpness=row["sharpness"],
         vehicle=vehicle_of(row),

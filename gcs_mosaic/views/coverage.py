@@ -21,8 +21,9 @@ from gcs_mosaic.views.flight_view import FlightView, FrameTable
 
 LONGER_SIDE = 1024  # cells of an island's grid at most
 PER_FOOTPRINT = 24  # cells over a frame's median size, where that needs no more cells
-REST = 20.0  # an island's grid is made again after so many times as long as that took: 5 % of a core at most
-LEAST_REST_S = 2.0
+REST = 20.0  # an island's grid is made again after so many times as much as that cost of a core, as in `flight_view`
+LEAST_REST_S = 0.5
+MOST_REST_S = 1.0  # whatever it cost: false gaps send an aircraft where it need not fly
 FINER = 8  # outlines are filled at so many times the resolution: OpenCV fills what their lines touch, too
 SUB_CELL_BITS = 4  # of polygon corners: a sixteenth of that
 LEAST_GAP = 1 / 500  # of a footprint's area: smaller holes are told by the number of looks only
@@ -47,8 +48,8 @@ class Grid:
 @dataclass(frozen=True, slots=True)
 class Coverage:
     """What was seen of each cell (rows, columns): the number of frames, the finest ground resolution (canvas units per pixel of
-    the picture that was stitched; infinite where nobody looked), the newest time (seconds since 1970; NaN), the least angle from
-    straight down (degrees; infinite), the least stated deviation (one standard deviation of a frame's worst corner, canvas
+    the picture that was stitched; infinite where nobody looked), the newest time (seconds by one clock; NaN), the least angle
+    from straight down (degrees; infinite), the least stated deviation (one standard deviation of a frame's worst corner, canvas
     units; infinite where that is not known), and the sharpest picture beside the others around (at most 1; NaN where that is
     not known)."""
 
@@ -70,8 +71,8 @@ class Gap:
     inside: tuple[float, float]  # a point well within it
 
 
-def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int]) -> Coverage:
-    """What some frames (indices of the table) saw of a grid."""
+def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int], taken: Array | None = None) -> Coverage:
+    """What some frames (indices of the table) saw of a grid; `taken`: when each of the table's was, seconds, NaN if unknown."""
     looks = np.zeros((grid.rows, grid.columns), np.uint16)
     finest = np.full(looks.shape, np.inf, np.float32)
     newest = np.full(looks.shape, np.nan)
@@ -88,8 +89,8 @@ def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int]) -> Coverage:
         deviation = np.inf if one.corner_deviation_px is None else one.corner_deviation_px * gsd
         for values, value in ((finest, gsd), (steepest, tilt), (surest, deviation)):
             values[window][inside] = np.minimum(values[window][inside], value)
-        if one.modified is not None:
-            newest[window][inside] = np.fmax(newest[window][inside], one.modified)
+        if taken is not None:
+            newest[window][inside] = np.fmax(newest[window][inside], taken[index])
         sharpest[window][inside] = np.fmax(sharpest[window][inside], np.float32(table.sharpness[index]))
     return Coverage(grid, looks, finest, newest, steepest, surest, sharpest)
 
@@ -131,35 +132,43 @@ def footprint_of(boxes: Sequence[Array] | Array) -> float:
     return float(np.sqrt(np.median(known.prod(axis=1)))) if len(known) else 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class SeenIsland:
+    """What was seen of an island as of a revision of the map, and its gaps; `coverage` is None where nothing is painted."""
+
+    revision: int
+    coverage: Coverage | None
+    gaps: list[Gap]
+
+
 class IslandCoverage:
     """The whole islands of a flight, each kept until the map has changed and making it again costs little. Thread-safe."""
 
     def __init__(self, view: FlightView) -> None:
         self._view = view
         self._lock = threading.Lock()
-        self._known: dict[int, tuple[int, float, Coverage | None, list[Gap]]] = {}  # revision, when to look again, ...
+        self._known: dict[int, tuple[float, SeenIsland]] = {}  # when to look again, in monotonic seconds
 
-    def of(self, island: int) -> tuple[Coverage | None, list[Gap]]:
-        """What was seen of an island, and its gaps; None where nothing is painted."""
-        table = self._view.table()
+    def of(self, island: int) -> SeenIsland:
+        """An island as it was seen a second ago or later."""
         with self._lock:  # never made twice at once
-            known = self._known.get(island)
-            if known is None or (known[0] != table.revision and time.monotonic() >= known[1]):
-                known = self._made(table, island)
-            return known[2], known[3]
+            table, known = self._view.table(), self._known.get(island)
+            if known is not None and (known[1].revision == table.revision or time.monotonic() < known[0]):
+                return known[1]
+            return self._made(table, island)
 
-    def _made(self, table: FrameTable, island: int) -> tuple[int, float, Coverage | None, list[Gap]]:
-        start = time.monotonic()
+    def _made(self, table: FrameTable, island: int) -> SeenIsland:
+        begun = time.thread_time()
         ours = np.flatnonzero((table.islands == island) & np.isfinite(table.boxes).all(axis=1))
         coverage, gaps = None, list[Gap]()
         if len(ours):
             footprint = footprint_of(table.boxes[ours])
-            coverage = seen_on(_grid_over(table.boxes[ours], footprint), table, ours.tolist())
+            coverage = seen_on(_grid_over(table.boxes[ours], footprint), table, ours.tolist(), self._view.taken(table))
             gaps = gaps_in(coverage, footprint)
-        now = time.monotonic()
-        made = table.revision, now + max(LEAST_REST_S, REST * (now - start)), coverage, gaps
+        rest = min(max(LEAST_REST_S, REST * (time.thread_time() - begun)), MOST_REST_S)
+        made = SeenIsland(table.revision, coverage, gaps)
         if len(ours):  # else any number could be asked for and kept
-            self._known[island] = made
+            self._known[island] = time.monotonic() + rest, made
         return made
 
 

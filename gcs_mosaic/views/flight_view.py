@@ -18,14 +18,16 @@ from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Box
 from gcs_mosaic.stitch.arrays import Array, PointsNx2
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, footprint, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, footprint, pixels_from_canvas
 from gcs_mosaic.stitch.camera.relief import as_seen, on_plane
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.views.sharpness import relative_sharpness
+from gcs_mosaic.views.taken import TakenTimes
 
 if TYPE_CHECKING:
-    from gcs_mosaic.stitch.graph.placement import Homography
+    import sqlite3
+
     from gcs_mosaic.store.ledger import Ledger
     from gcs_mosaic.store.records import (
         CoveredRecord,
@@ -39,9 +41,11 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 OUTLINE_PER_SIDE = 4  # points; between them a lens bends the border by less than a pixel in a thousand
-REST = 20.0  # the table is read again after so many times as long as reading it took: 5 % of a core at most
-LEAST_REST_S = 1.0
-KEPT_OUTLINES = 200_000
+# The table is read again after so many times as much as reading it cost of a core: 5 % of it. By what it cost, not by how long
+# it took: on a busy machine that is mostly waiting, and would make answers old when they are needed.
+REST = 20.0
+LEAST_REST_S = 0.25
+MOST_REST_S = 0.5  # whatever it cost: answers are not to be older, and only what has changed is read anew
 KEPT_FRAMES = 256  # with their relief: 4 KB each
 
 
@@ -67,8 +71,7 @@ class FrameTable:
 class FlightView:
     """A flight's folder, read beside the program that may be writing it. Thread-safe.
 
-    All answers are those of some moment of the last seconds: a table is kept until the revision has changed and reading it
-    again costs little.
+    A table is kept until the revision has changed, and for `MOST_REST_S` at most after it was read; it tells its revision.
     """
 
     def __init__(self, root: Path) -> None:
@@ -76,6 +79,9 @@ class FlightView:
         self._lock = threading.Lock()
         self._table = table_of(0, [])
         self._due = 0.0  # monotonic seconds
+        self._known = _KnownPositions()
+        self.times = TakenTimes(root)
+        self._taken: tuple[FrameTable | None, Array] = None, np.empty(0)
         self._painted = lru_cache(KEPT_FRAMES)(self._read_painted)
 
     def table(self) -> FrameTable:
@@ -85,6 +91,21 @@ class FlightView:
                 self._read_again()
             return self._table
 
+    def taken(self, table: FrameTable) -> Array:
+        """When a table's frames were taken (n,), seconds by one clock: to compare them by; NaN where nothing is known."""
+        known, times = self._taken
+        if known is table:
+            return times
+        try:
+            with self.ledger() as ledger:
+                told = ledger.message_times()
+        except UsageError:
+            logger.info("no ledger can be read", exc_info=True)
+            return np.full(len(table.frames), np.nan)
+        times = self.times.by_one_clock(table.frames, told)
+        self._taken = table, times
+        return times
+
     def painted(self, number: int) -> RenderItem | None:
         """How a frame is painted, with relief; None if it is not."""
         return self._painted(number, self.table().revision)
@@ -93,68 +114,64 @@ class FlightView:
         """How a painted frame's bands are displayed; a covered one's as its keyframe's. None if neither is painted."""
         painted = self.painted(number)
         if painted is None:
-            with self._ledger() as ledger:
+            with self.ledger() as ledger:
                 keyframe = ledger.keyframe_of(number)
             painted = None if keyframe is None else self.painted(keyframe)
         return None if painted is None else painted.display
 
     def flight(self) -> FlightRecord | None:
         """What the ledger says of the flight. Raises UsageError."""
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.flight()
 
     def frame(self, number: int) -> FrameRecord | None:
         """What the ledger says of a frame."""
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.frame(number)
 
     def frames(self) -> list[FrameRecord]:
         """All frames in the order in which they came. Raises UsageError."""
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.frames()
 
     def events(self) -> list[EventRecord]:
         """All events in the order in which they came. Raises UsageError."""
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.events()
 
     def reported_positions(self) -> list[ReportedPosition]:
         """What messages said of where frames were taken. Raises UsageError."""
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.reported_positions()
 
     def corner_deviations(self) -> list[tuple[int, float]]:
         """Island and how uncertain a frame lies, one standard deviation in canvas units. Raises UsageError."""
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.corner_deviations()
-
-    def covered_by(self, number: int) -> list[tuple[int, FrameRecord, Homography]]:
-        """The frames that a painted one covers: number, record, and keyframe_from_frame in pixels as painted."""
-        with self._ledger() as ledger:
-            return ledger.covered_by(number)
 
     def covered(self) -> list[CoveredRecord]:
         """All frames that painted ones cover. Raises UsageError."""
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.covered()
 
     def _read_again(self) -> None:
-        revision, start = last_revision(self.root), time.monotonic()
+        revision, cost = last_revision(self.root), 0.0
         if revision != self._table.revision:
             try:
-                with self._ledger() as ledger:
-                    self._table = table_of(revision, ledger.positions())
+                with self.ledger() as ledger:
+                    begun = time.thread_time()
+                    self._table = table_of(revision, self._known.read(ledger), self._table)
+                    cost = time.thread_time() - begun
             except UsageError:
                 logger.info("no ledger can be read", exc_info=True)
-        now = time.monotonic()
-        self._due = now + max(LEAST_REST_S, REST * (now - start))
+        self._due = time.monotonic() + min(max(LEAST_REST_S, REST * cost), MOST_REST_S)
 
     def _read_painted(self, number: int, _revision: int) -> RenderItem | None:
-        with self._ledger() as ledger:
+        with self.ledger() as ledger:
             return ledger.painted_frame(number)
 
-    def _ledger(self) -> Ledger:
-        """Opened for each reading: the file may be written anew at any time. Raises UsageError."""
+    def ledger(self) -> Ledger:
+        """Opened for each reading, by the thread that reads: the file may be written anew at any time. Raises UsageError."""
         from gcs_mosaic.store.ledger import Ledger  # it loads what paints, which a page that nobody asks does without
 
         return Ledger(self.root / LEDGER_NAME, read_only=True)
@@ -172,16 +189,37 @@ def places_of(painted: RenderItem, pixels: PointsNx2) -> PointsNx2:
     return canvas_from_pixels(painted.pose, painted.camera, on_plane(painted.relief, painted.camera, pixels))
 
 
-@lru_cache(KEPT_OUTLINES)
-def _outline(pose: Pose, camera: Camera) -> PointsNx2:
-    return footprint(pose, camera, OUTLINE_PER_SIDE)
+class _KnownPositions:
+    """Records by number, with the rows that they were made of: only what has changed since is made anew."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[sqlite3.Row, PositionRecord]] = {}
+
+    def read(self, ledger: Ledger) -> list[PositionRecord]:
+        """All painted frames; the same object for what lies as before."""
+        from gcs_mosaic.store.rows import position_record_of  # as in `FlightView.ledger`
+
+        now: dict[int, tuple[sqlite3.Row, PositionRecord]] = {}
+
+        def record(row: sqlite3.Row) -> PositionRecord:
+            before = self._known.get(row["frame"])
+            now[row["frame"]] = before if before is not None and before[0] == row else (row, position_record_of(row))
+            return now[row["frame"]][1]
+
+        records = ledger.positions(record)
+        self._known = now
+        return records
 
 
-def table_of(revision: int, frames: Sequence[PositionRecord]) -> FrameTable:
-    """The table of some frames."""
+def table_of(revision: int, frames: Sequence[PositionRecord], before: FrameTable | None = None) -> FrameTable:
+    """The table of some frames; the outlines of those that are in a table `before` are taken from there."""
+    known = {} if before is None else {id(one): index for index, one in enumerate(before.frames)}
     outlines = np.full((len(frames), 4 * OUTLINE_PER_SIDE, 2), np.nan)
     for index, one in enumerate(frames):
-        outlines[index] = _outline(one.pose, one.camera)
+        if before is None or (at := known.get(id(one))) is None:
+            outlines[index] = footprint(one.pose, one.camera, OUTLINE_PER_SIDE)
+        else:
+            outlines[index] = before.outlines[at]
     seen = ~np.isnan(outlines)
     low, high = np.where(seen, outlines, np.inf).min(axis=1), np.where(seen, outlines, -np.inf).max(axis=1)
     boxes = np.hstack([low, high])

@@ -8,7 +8,6 @@ grow with the flight.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -28,47 +27,57 @@ STOPS = 5  # colours in a legend
 
 
 @dataclass(frozen=True, slots=True)
+class Usual:
+    """What is typical of an island: the finest usual resolution (canvas units per pixel), and the last look at any of it
+    (seconds by the clock of `Coverage.newest`; NaN)."""
+
+    finest: float
+    newest: float
+
+
+@dataclass(frozen=True, slots=True)
 class MapLayer:
-    """`share` maps what was seen, and what is typical of the island (`usual`), to 0 (worst) ... 1 (best)."""
+    """`share` maps what was seen, and what is typical of the island, to 0 (worst) ... 1 (best)."""
 
     name: str
     title: str
     worst: str
     best: str
     colours: int  # an OpenCV table
-    share: Callable[[Coverage, float], Array]
+    share: Callable[[Coverage, Usual], Array]
 
 
-def _of_looks(seen: Coverage, _usual: float) -> Array:
+def _of_looks(seen: Coverage, _usual: Usual) -> Array:
     return (np.minimum(seen.looks, 6.0) - 1) / 5
 
 
-def _of_resolution(seen: Coverage, usual: float) -> Array:
+def _of_resolution(seen: Coverage, usual: Usual) -> Array:
     """Half as fine as the finest usual frame is the worst colour. An octave, as what can be told of a person goes by octaves."""
     with np.errstate(divide="ignore"):
-        return np.asarray(1 - np.log2(seen.finest / usual), np.float64)
+        return np.asarray(1 - np.log2(seen.finest / usual.finest), np.float64)
 
 
-def _of_age(seen: Coverage, _usual: float) -> Array:
-    """By octaves of minutes: a minute is fresh, two hours are old."""
-    minutes = np.maximum((time.time() - seen.newest) / 60, 1.0)
+def _of_age(seen: Coverage, usual: Usual) -> Array:
+    """By octaves of minutes before the last look of all: a minute is fresh, two hours are old. Not before now: a camera's clock
+    tells no zone, and a flight is looked at for years."""
+    minutes = np.maximum((usual.newest - seen.newest) / 60, 1.0)
     return np.asarray(1 - np.log2(minutes) / 7)
 
 
-def _of_angle(seen: Coverage, _usual: float) -> Array:
+def _of_angle(seen: Coverage, _usual: Usual) -> Array:
     """From 45 degrees on things hide what is behind them as far as they are tall."""
     return np.asarray(1 - seen.steepest / 45, np.float64)
 
 
-def _of_sharpness(seen: Coverage, _usual: float) -> Array:
+def _of_sharpness(seen: Coverage, _usual: Usual) -> Array:
     """By an octave: half as sharp as the pictures around is the worst colour; motion of a few pixels does that."""
     return np.asarray(1 + np.log2(seen.sharpest), np.float64)
 
 
-def _of_confidence(seen: Coverage, usual: float) -> Array:
+def _of_confidence(seen: Coverage, usual: Usual) -> Array:
     """By octaves of pixels: a pixel is exact, 32 are not. It knows the noise of matches only. What is not known is the worst."""
     with np.errstate(divide="ignore"):
-        octaves = np.log2(np.maximum(seen.surest / usual, 1.0)) / 5
+        octaves = np.log2(np.maximum(seen.surest / usual.finest, 1.0)) / 5
     return np.asarray(1 - np.minimum(octaves, 1.0), np.float64)
 
 
@@ -96,7 +105,9 @@ LAYERS = {
             cv2.COLORMAP_VIRIDIS,
             _of_confidence,
         ),
-        MapLayer("age", "Last look", "two hours ago", "a minute ago", cv2.COLORMAP_CIVIDIS, _of_age),
+        MapLayer(
+            "age", "Last look", "two hours before the last of all", "the last of all", cv2.COLORMAP_CIVIDIS, _of_age
+        ),
     )
 }
 
@@ -132,14 +143,20 @@ class LayerTiles:
         near = table.near(island, tile_box(tile))
         if not near:
             return None
-        whole, _ = self.islands.of(island)
+        whole = self.islands.of(island).coverage
         if whole is None:
             return None
         grid = _grid_of(tile)
         is_coarse = len(near) > MOST_FRAMES or grid.cell > whole.grid.cell
-        seen = _resampled(whole, grid) if is_coarse else seen_on(grid, table, near)
-        usual = float(np.quantile(whole.finest[whole.looks > 0], 0.1)) if (whole.looks > 0).any() else 1.0
-        return _encoded(layer, seen, usual)
+        seen = _resampled(whole, grid) if is_coarse else seen_on(grid, table, near, self._view.taken(table))
+        return _encoded(layer, seen, _usual_of(whole))
+
+
+def _usual_of(whole: Coverage) -> Usual:
+    is_seen = whole.looks > 0
+    finest = float(np.quantile(whole.finest[is_seen], 0.1)) if is_seen.any() else 1.0
+    times = whole.newest[np.isfinite(whole.newest)]
+    return Usual(finest, float(times.max()) if len(times) else np.nan)
 
 
 def _grid_of(tile: Tile) -> Grid:
@@ -167,7 +184,7 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     )
 
 
-def _encoded(layer: MapLayer, seen: Coverage, usual: float) -> bytes | None:
+def _encoded(layer: MapLayer, seen: Coverage, usual: Usual) -> bytes | None:
     shown: Mask = seen.looks > 0
     share = layer.share(seen, usual)
     shown &= np.isfinite(share)

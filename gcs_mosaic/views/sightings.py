@@ -13,8 +13,10 @@ from gcs_mosaic.stitch.arrays import PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
 from gcs_mosaic.views.sharpness import sharpest
+from gcs_mosaic.views.taken import Clock
 
 if TYPE_CHECKING:
+    from gcs_mosaic.store.ledger import Ledger
     from gcs_mosaic.store.records import FrameRecord
 
 MOST = 200  # frames in one answer: more looks than anybody takes
@@ -27,7 +29,7 @@ class Sighting:
 
     number: int
     name: str
-    utc: float | None  # capture time if known, else the file's
+    utc: float | None  # when it was taken, seconds since 1970, by `clock`
     width: int  # px, of the original
     height: int
     x: float
@@ -36,6 +38,7 @@ class Sighting:
     border_px: float  # from the frame's border
     covered: bool  # it is not painted itself, another frame shows all that it does
     sharpness: float | None  # as in `FrameRecord`
+    clock: Clock | None = None  # see `CaptureTime`
     as_sharp: float = 1.0  # its sharpness as a share of that of the sharpest look at this place
 
     @property
@@ -51,25 +54,34 @@ def sightings(view: FlightView, island: int, x: float, y: float) -> list[Sightin
     table, place = view.table(), np.array([[x, y]])
     near = [table.frames[index] for index in table.near(island, (x, y, x, y))]
     found: list[Sighting] = []
-    for position in near:
-        painted = view.painted(position.number)
-        if painted is not None and painted.island == island:
-            found += _looks(view, position.number, painted, pixels_of(painted, place))
-    shares = sharpest([one.sharpness for one in found]).tolist()
-    compared = [replace(one, as_sharp=share) for one, share in zip(found, shares, strict=True)]
-    return sorted(compared, key=lambda one: -one.worth)[:MOST]
+    if not near:
+        return found
+    with view.ledger() as ledger:
+        for position in near:
+            painted = ledger.painted_frame(position.number)
+            if painted is not None and painted.island == island:
+                found += _looks(ledger, position.number, painted, pixels_of(painted, place))
+        shares = sharpest([one.sharpness for one in found]).tolist()
+        compared = [replace(one, as_sharp=share) for one, share in zip(found, shares, strict=True)]
+        return [_dated(view, ledger, one) for one in sorted(compared, key=lambda one: -one.worth)[:MOST]]
 
 
-def _looks(view: FlightView, number: int, painted: RenderItem, pixel: PointsNx2) -> Iterator[Sighting]:
+def _dated(view: FlightView, ledger: Ledger, one: Sighting) -> Sighting:
+    frame = ledger.frame(one.number)
+    taken = None if frame is None else view.times.of(frame, ledger.message_time(one.number))
+    return one if taken is None else replace(one, utc=taken.s, clock=taken.by)
+
+
+def _looks(ledger: Ledger, number: int, painted: RenderItem, pixel: PointsNx2) -> Iterator[Sighting]:
     """Of a painted frame, and of those that it covers."""
     gsd = float(ground_sampling_distance(painted.pose, painted.camera, pixel)[0])
-    own = view.frame(number)
+    own = ledger.frame(number)
     if own is not None and np.isfinite(gsd):
         size = own.width or painted.camera.width, own.height or painted.camera.height
         scale = size[0] / painted.camera.width
         dead = [lines * scale for lines in painted.dead]
         yield from _look(number, own, size, _original(pixel, scale), gsd / scale, dead)
-        for hidden, other, keyframe_from_frame in view.covered_by(number):
+        for hidden, other, keyframe_from_frame in ledger.covered_by(number):
             size = other.width or size[0], other.height or size[1]
             seen = _original(_mapped(np.linalg.inv(np.array(keyframe_from_frame)), pixel), scale)
             yield from _look(hidden, other, size, seen, gsd / scale, None)
@@ -90,7 +102,7 @@ def _look(
         yield Sighting(
             number=number,
             name=frame.name,
-            utc=frame.modified,
+            utc=None,
             width=width,
             height=height,
             x=x,

@@ -24,6 +24,7 @@ from gcs_mosaic.web.address_quota import AddressQuota
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.api.common import VIEW
 from gcs_mosaic.web.api.routes import add_api
+from gcs_mosaic.web.bundle import NAME, bundle
 from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.guard import add_headers, dates_check, host_check, origin_check
@@ -31,6 +32,7 @@ from gcs_mosaic.web.live import FEED, PAGES
 from gcs_mosaic.web.maps.routes import add_maps
 from gcs_mosaic.web.request_handler import TimedRequestHandler
 from gcs_mosaic.web.settings import WebSettings
+from gcs_mosaic.web.tile_answer import tagged
 from gcs_mosaic.web.tiles import ANSWERED, TILE_POOL
 from gcs_mosaic.web.token import Access
 
@@ -68,6 +70,7 @@ def make_app(
     if not address.is_loopback:
         app.cleanup_ctx.append(beside(learn_names))
     app.router.add_get("/", page)
+    app.router.add_get(f"/viewer/{NAME}", scripts)
     app.router.add_static("/viewer/", VIEWER, follow_symlinks=False, show_index=False)
     app.router.add_get("/sw.js", worker)
     app.router.add_post(PATH, choose_vehicle)
@@ -86,6 +89,11 @@ async def note_request(request: web.Request, handler: Handler) -> web.StreamResp
 
 async def page(_request: web.Request) -> web.StreamResponse:
     return web.FileResponse(VIEWER / "index.html")
+
+
+async def scripts(request: web.Request) -> web.StreamResponse:
+    """All of the page's scripts."""
+    return tagged(request, bundle(VIEWER).encode(), "text/javascript", charset="utf-8")
 
 
 async def worker(_request: web.Request) -> web.StreamResponse:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gcs_mosaic.render.tile_grid import Tile, tile_range
+from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.records import PositionRecord
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, table_of
@@ -35,6 +36,9 @@ class OfTable(FlightView):
     def table(self) -> FrameTable:
         return self._fixed
 
+    def taken(self, table: FrameTable) -> Array:
+        return np.zeros(len(table.frames))
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.layers")
@@ -47,7 +51,8 @@ def cost(frames: int) -> str:
     """One line about a flight of so many frames."""
     tiles = LayerTiles(OfTable(table_of(1, list(positions(frames)))))
     start = time.perf_counter()
-    coverage, gaps = tiles.islands.of(0)
+    seen = tiles.islands.of(0)
+    coverage, gaps = seen.coverage, seen.gaps
     whole_s = time.perf_counter() - start
     assert coverage is not None
     taken = {level: each_ms(tiles, level, coverage.grid.box) for level in (16, 14, 12, 10, 8)}

@@ -40,8 +40,8 @@ def write_pictures(flight: Flight, folder: Path, begin: str) -> None:
 def coverage_of(out: Path) -> tuple[FrameTable, Coverage, list[Gap]]:
     """Of island 0, which all frames are on."""
     view = FlightView(out)
-    coverage, gaps = IslandCoverage(view).of(0)
-    return view.table(), sure(coverage), gaps
+    seen = IslandCoverage(view).of(0)
+    return view.table(), sure(seen.coverage), seen.gaps
 
 
 def unseen_within(out: Path, before: FrameTable, hole: Gap) -> float:

@@ -54,7 +54,7 @@ def test_looks_are_those_of_the_frames_true_outlines() -> None:
 
 def test_the_finest_and_the_newest_are_told_for_each_cell() -> None:
     poses = [Pose(0, 0, log_gsd=0.0), Pose(0, 0, log_gsd=-0.7)]
-    found = seen_on(Grid(-400, -400, 10.0, 80, 80), table(poses), [0, 1])
+    found = seen_on(Grid(-400, -400, 10.0, 80, 80), table(poses), [0, 1], np.array([1000.0, 1001.0]))
     assert found.finest[40, 40] == pytest.approx(np.exp(-0.7))
     assert found.finest[40, 25] == pytest.approx(1.0)
     assert (found.newest[40, 40], found.newest[40, 25]) == (1001.0, 1000.0)

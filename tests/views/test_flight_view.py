@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,3 +72,34 @@ def test_what_was_painted_since_is_seen(root: Path, monkeypatch: pytest.MonkeyPa
 
 def test_a_folder_without_a_flight_has_no_frames(tmp_path: Path) -> None:
     assert FlightView(tmp_path).table().frames == []
+
+
+def test_a_look_that_took_long_does_not_make_the_next_ones_old(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine reading is mostly waiting: a first look of 40 s made clicks blind for a quarter of an hour."""
+    read = Ledger.positions
+
+    def slowly(ledger: Ledger, *given: Any) -> list[Any]:
+        time.sleep(0.3)
+        return read(ledger, *given)
+
+    monkeypatch.setattr(Ledger, "positions", slowly)
+    view = FlightView(root)
+    assert view.table().revision == 1
+    write_json(root / "mosaic.json", {"revision": 2})
+    time.sleep(flight_view.MOST_REST_S)
+    assert view.table().revision == 2
+
+
+def test_only_what_has_changed_is_made_anew(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flight_view, "MOST_REST_S", 0.0)
+    view = FlightView(root)
+    before = view.table()
+    with Ledger(root / LEDGER_NAME) as ledger:
+        ledger.record_painted(painted("b.jpg", 7000.0))
+    write_json(root / "mosaic.json", {"revision": 2})
+    after = view.table()
+    assert [one is other for one, other in zip(before.frames, after.frames, strict=True)] == [True, False, True]
+    fresh = FlightView(root).table()
+    assert np.array_equal(after.outlines, fresh.outlines)
+    assert np.array_equal(after.boxes, fresh.boxes)
+    assert list(after.frames) == list(fresh.frames)

@@ -40,9 +40,9 @@ class Flown:
 
     @cached_property
     def seen(self) -> tuple[Coverage, list[Gap]]:
-        coverage, gaps = IslandCoverage(FlightView(self.out)).of(0)
-        assert coverage is not None
-        return coverage, gaps
+        seen = IslandCoverage(FlightView(self.out)).of(0)
+        assert seen.coverage is not None
+        return seen.coverage, seen.gaps
 
     @cached_property
     def metres(self) -> tuple[np.ndarray, float]:

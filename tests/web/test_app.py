@@ -90,8 +90,15 @@ def client(tmp_path: Path, feed: Feed) -> Iterator[Client]:
 def test_page_and_its_parts_are_served(client: Client) -> None:
     answer, body = client.ask("/")
     assert answer.status == 200
-    assert b"/viewer/viewer.js" in body
-    for path in ("viewer.js", "viewer.css", "vendor/leaflet/leaflet.js", "vendor/leaflet/LICENSE"):
+    assert b"/viewer/page.js" in body
+    for path in (
+        "page.js",
+        "start.js",
+        "viewer.js",
+        "viewer.css",
+        "vendor/leaflet/leaflet.js",
+        "vendor/leaflet/LICENSE",
+    ):
         assert client.status(f"/viewer/{path}") == 200
 
 

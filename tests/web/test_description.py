@@ -57,7 +57,7 @@ def test_every_route_but_those_of_the_page_itself_is_described(operations: list[
         (route.resource.canonical, route.method.lower())
         for route in app.router.routes()
         if route.resource is not None
-        and route.resource.canonical not in ("/", "/sw.js", "/viewer", "/vehicle/{system}")
+        and route.resource.canonical not in ("/", "/sw.js", "/viewer", "/viewer/page.js", "/vehicle/{system}")
         and route.method != "HEAD"
     }
     document = description(operations)
@@ -87,7 +87,7 @@ def test_it_is_valid_and_tells_no_type_that_nothing_uses(operations: list[Operat
     ],
 )
 def test_a_body_that_drifts_is_found(operations: list[Operation], change: dict[str, Any], fault: str) -> None:
-    body = json.dumps({"absent": [{**ABSENT, **change}]}).encode()
+    body = json.dumps({"map_revision": 1, "absent": [{**ABSENT, **change}]}).encode()
     found = Described(operations).faults("GET", "/api/v1/absent", 200, "application/json", body)
     assert len(found) == bool(fault)
     assert all(fault in one for one in found)
@@ -95,7 +95,9 @@ def test_a_body_that_drifts_is_found(operations: list[Operation], change: dict[s
 
 def test_a_field_that_is_missing_and_other_kinds_and_states_are_found(operations: list[Operation]) -> None:
     described = Described(operations)
-    less = json.dumps({"absent": [{name: ABSENT[name] for name in ("name", "state", "reason", "place")}]}).encode()
+    less = json.dumps(
+        {"map_revision": 1, "absent": [{name: ABSENT[name] for name in ("name", "state", "reason", "place")}]}
+    ).encode()
     assert described.faults("GET", "/api/v1/absent", 200, "application/json", less) == [
         "absent/0: 'island' is a required property"
     ]

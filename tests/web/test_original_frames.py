@@ -187,9 +187,13 @@ def test_a_click_opens_the_originals_at_that_spot(tmp_path_factory: pytest.TempP
         page.resize(1280, 800)
         page.open(url)
         page.wait_for("document.querySelector('.leaflet-tile-loaded img') !== null")
-        middle = (page.evaluate("document.getElementById('tools').offsetWidth") + 1280 - 12) / 2
+        page.wait_for("document.querySelector('.leaflet-overlay-pane path') !== null")  # of near.jpg, about the place
+        x, y = page.evaluate(
+            "(({left, right, top, bottom}) => [(left + right) / 2, (top + bottom) / 2])"
+            "(document.querySelector('.leaflet-overlay-pane path').getBoundingClientRect())"
+        )
         for kind in ("mousePressed", "mouseReleased"):
-            page.command("Input.dispatchMouseEvent", type=kind, x=middle, y=440, button="left", clickCount=1)
+            page.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         page.wait_for("document.getElementById('originals').dataset.sharp === 'near.jpg'")
         title = "document.getElementById('originals-title').innerText"
         assert page.evaluate(title).startswith("1 of 3: near.jpg")

@@ -79,6 +79,6 @@ def test_a_lone_aircraft_needs_no_legend(page: Page, flight: SmallFlight) -> Non
     flight.write()
     flight.status(aircraft=())
     page.open(page.evaluate("location.href"))
-    page.wait_for("document.body.innerText.includes('Frames placed')")
+    page.wait_for("document.getElementById('counts').textContent.includes('Frames placed')")
     assert page.evaluate("document.getElementById('fleet').hidden")
     assert page.evaluate(MARKS) == []

@@ -44,7 +44,8 @@ COLOURS = """
   return new URL(image.src).pathname + " " + name;
 }))()
 """
-TEXT = "document.body.innerText"
+# All that is told, also behind the line of state.
+TEXT = "(document.getElementById('sheet')?.removeAttribute('hidden'), document.body.innerText)"
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +116,7 @@ def test_a_page_that_nobody_sees_lets_go_of_its_connection_and_is_new_when_it_is
     page.open(url)
     page.wait_for(at(tile, "red"))
     until(lambda: feed.subscribers == 1, "it listens")
-    page.evaluate("import('/viewer/live.js').then(({ Live }) => { Live.restsAfterMs = 100; })")
+    page.evaluate("import('/viewer/page.js').then(({ modules }) => { modules.live.Live.restsAfterMs = 100; })")
     page.evaluate("Object.defineProperty(document, 'hidden', { get: () => window.isUnseen, configurable: true })")
     page.evaluate("isUnseen = true; document.dispatchEvent(new Event('visibilitychange'))")
     until(lambda: feed.subscribers == 0, "it has let go")
@@ -165,7 +166,8 @@ def test_islands_can_be_chosen(page: Page, url: str, flight: SmallFlight) -> Non
     flight.write()
     page.open(url)
     page.wait_for(at(square(16), "red"))
-    page.evaluate("(i => { i.value = '1'; i.onchange({ target: i }); })(document.getElementById('island'))")
+    page.evaluate("document.getElementById('parts').click()")
+    page.evaluate("document.querySelector('[data-island=\"1\"]').click()")
     page.wait_for(at(square(16), "blue", island=1))
 
 
@@ -180,10 +182,11 @@ def test_how_well_the_island_in_view_fits_is_told(page: Page, url: str, flight: 
     flight.write()
     flight.status()
     page.open(url)
-    page.wait_for(f"{TEXT}.includes('Fits to\\n1.9 px95 %: 9.1')")
-    choose = "(i => { i.value = '%d'; i.onchange({ target: i }); })(document.getElementById('island'))"
+    page.wait_for(f"{TEXT}.includes('Fits to\\n1.9 px\\n95 %: 9.1')")
+    page.evaluate("document.getElementById('parts').click()")
+    choose = "document.querySelector('[data-island=\"%d\"]').click()"
     page.evaluate(choose % 1)
-    page.wait_for(f"{TEXT}.includes('14 px95 %: ∞')")
+    page.wait_for(f"{TEXT}.includes('14 px\\n95 %: ∞')")
     page.evaluate(choose % 2)
     page.wait_for(f"!{TEXT}.includes('Fits to')")
 

@@ -125,7 +125,7 @@ def test_sentences_of_the_server_are_told_in_german(tmp_path: Path) -> None:
         page.evaluate("localStorage.setItem('gcs-mosaic language', 'de')")
         page.open(url)
         page.wait_for("document.getElementById('open-finds')?.innerText === 'Funde'")
-        page.evaluate("import('/viewer/words.js').then((words) => { window.said = words.said; })")
+        page.evaluate("import('/viewer/page.js').then(({ modules }) => { window.said = modules.words.said; })")
         page.wait_for("!!window.said")
         sentence = "The last 3 frames match nothing on the map: fly back over ground that is on it"
         assert page.evaluate(f"said({json.dumps(sentence)})").startswith("Die letzten 3 Bilder")

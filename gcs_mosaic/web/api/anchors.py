@@ -21,7 +21,7 @@ from gcs_mosaic.notes.ground.places import PlaceAnswer, place_answer
 from gcs_mosaic.notes.storage.checked import FURTHEST, LONGEST_LABEL, Unfit, Utc, Who
 from gcs_mosaic.store.documents import Limits, told_of
 from gcs_mosaic.web.api.asked import asked_body, asked_query
-from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, MapRevision, answer, in_thread, map_revision, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Canvas, IslandNumber, Notes, PlacedBody, bound, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 
@@ -137,6 +137,7 @@ class AnchorsAnswer:
     """How each island lies on earth, and the pins."""
 
     revision: int
+    map_revision: MapRevision
     by_positions: Annotated[bool, "whether positions may lay islands that have no pins"]
     islands: Sequence[RefusedIsland | PinnedIsland | PositionedIsland]
     pins: Sequence[PinAnswer]
@@ -215,11 +216,16 @@ class CanvasAnswer:
 async def every(request: web.Request) -> web.StreamResponse:
     """How each island lies on earth, or why it does not, and the pins."""
     notes = request.app[NOTES]
-    revision, pins, by_positions = await notes.run(notes.pinned)
+    (revision, pins, by_positions), of_map = await notes.run(notes.pinned), await map_revision(request)
     islands = await in_thread(request, notes.islands, pins, by_positions)
-    told = [_island(one) for _, one in sorted(islands.items())]
-    shown = [_pin(notes, pin) for pin in pins]
-    return told_anew(request, AnchorsAnswer(revision=revision, by_positions=by_positions, islands=told, pins=shown))
+    told = AnchorsAnswer(
+        revision=revision,
+        map_revision=of_map,
+        by_positions=by_positions,
+        islands=[_island(one) for _, one in sorted(islands.items())],
+        pins=[_pin(notes, pin) for pin in pins],
+    )
+    return told_anew(request, told)
 
 
 @OPERATIONS.add(

@@ -6,15 +6,16 @@ import asyncio
 import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from aiohttp import web
 
-from gcs_mosaic.store.documents import told_of
+from gcs_mosaic.store.documents import Limits, told_of
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.tile_answer import tagged
 
 BASE = "/api/v1"
+MapRevision = Annotated[int, Limits(least=0), "of the map: the answer is as new as this one, or newer"]
 THREADS = 2  # for questions; stitching has priority on the cores
 LARGEST_BODY = 1 << 16  # bytes
 
@@ -27,6 +28,11 @@ Result = TypeVar("Result")
 async def in_thread(request: web.Request, work: Callable[..., Result], *given: Any) -> Result:
     """Run blocking work on a thread of the API's own."""
     return await asyncio.get_running_loop().run_in_executor(request.app[POOL], work, *given)
+
+
+async def map_revision(request: web.Request) -> int:
+    """Of the frames as they are known now; to be asked before an answer is made of them."""
+    return (await in_thread(request, request.app[VIEW].table)).revision
 
 
 def bad(text: str) -> web.HTTPBadRequest:

@@ -24,7 +24,7 @@ from gcs_mosaic.notes.storage.checked import (
 )
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_body
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, map_revision, told_anew
 from gcs_mosaic.web.api.notes import NO_PLACE, NOTES, Notes, PlacedBody, bound, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Failures, Media, Operations, Reply
 from gcs_mosaic.web.guard import POLICY
@@ -111,6 +111,7 @@ class FindsAnswer:
     """The finds, where they lie now."""
 
     revision: Annotated[int, "of all that people have added"]
+    map_revision: MapRevision
     finds: Sequence[FindAnswer]
 
 
@@ -129,9 +130,10 @@ async def every(request: web.Request) -> web.StreamResponse:
     """All finds, where they lie now."""
     notes, deleted = request.app[NOTES], request.query.get("deleted") == "1"
     pinned, finds = await notes.run(lambda: (notes.pinned(), notes.finds.all(deleted=deleted)))
-    revision, *laid = pinned
+    (revision, *laid), of_map = pinned, await map_revision(request)
     shown = await in_thread(request, _placed, notes, finds, *laid)
-    return told_anew(request, FindsAnswer(revision=revision, finds=[_told(one) for one in shown]))
+    told = FindsAnswer(revision=revision, map_revision=of_map, finds=[_told(one) for one in shown])
+    return told_anew(request, told)
 
 
 @OPERATIONS.add("GET", ONE, Reply("The find.", FindAnswer, tagged=True), failures=NO_NUMBER | NO_NOTES)

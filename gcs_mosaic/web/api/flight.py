@@ -12,7 +12,7 @@ from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, map_revision, told_anew
 from gcs_mosaic.web.api.openapi import description
 from gcs_mosaic.web.api.operations import DECLARED, Operations, Reply
 
@@ -38,6 +38,7 @@ class FlightAnswer:
 class AbsentAnswer:
     """Shots that are not on the map."""
 
+    map_revision: MapRevision
     absent: Sequence[AbsentShotAnswer]
 
 
@@ -62,12 +63,13 @@ async def about(request: web.Request) -> web.StreamResponse:
 @OPERATIONS.add("GET", f"{BASE}/absent", Reply(ABSENT, AbsentAnswer, tagged=True))
 async def absent(request: web.Request) -> web.StreamResponse:
     """Shots that are not on the map, why, and where they should be: between those that were taken just before and after."""
+    revision = await map_revision(request)
     try:
         shots = await in_thread(request, _absent, request.app[VIEW])
     except UsageError:
         logger.info("no ledger can be read", exc_info=True)
         shots = []
-    return told_anew(request, AbsentAnswer(absent=shots))
+    return told_anew(request, AbsentAnswer(map_revision=revision, absent=shots))
 
 
 @OPERATIONS.add("GET", f"{BASE}/openapi.json", Reply("OpenAPI 3.1.", dict, tagged=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -11,15 +12,20 @@ from urllib.parse import quote
 
 from aiohttp import web
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.documents import Limits
+from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.picture_tiles import KEPT_S, PictureTiles
 from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, original, picture
 from gcs_mosaic.views.sightings import Sighting, sightings
+from gcs_mosaic.views.taken import CaptureTime, Clock
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, map_revision, missing, told_anew
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.api.schema import fields_of
 from gcs_mosaic.web.tile_answer import is_known
+
+logger = logging.getLogger(__name__)
 
 LARGEST_CROP = 1024  # px
 CROP_KEPT_S = 3600  # by the browser: a frame's content does not change
@@ -35,6 +41,15 @@ NO_PICTURE = {404: "There is no such frame, or no picture of it."}
 JPEG = Media(("image/jpeg",))
 FILE = Media(("application/octet-stream", "image/*"))
 SHOWN = Media(("image/*",))
+
+
+When = Annotated[
+    str | None,
+    "when it was taken, ISO 8601: in UTC, but by the camera's clock without a zone, which that does not tell",
+]
+TimeBy = Annotated[
+    Clock | None, "file: not known when it was taken, and `time` is that of its file, about when it came"
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,14 +91,33 @@ class SightingAnswer:
     covered: Annotated[bool, "it is not painted itself: another frame shows all that it does"]
     sharpness: Annotated[float | None, "of the frame's details, to compare frames by; null where it was not noted"]
     as_sharp: Annotated[float, "its sharpness as a share of that of the sharpest look at this place"]
-    time: Annotated[str | None, "when it was taken, if that is known, else the file's time (ISO 8601, UTC)"]
+    time: When
+    time_by: TimeBy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SightingsAnswer:
     """The frames that saw a place."""
 
+    map_revision: MapRevision
     sightings: Sequence[SightingAnswer]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTimeAnswer:
+    """When a frame on the map was taken."""
+
+    name: str
+    time: When
+    time_by: TimeBy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTimesAnswer:
+    """When the frames on the map were taken, in the order in which they came."""
+
+    map_revision: MapRevision
+    frames: Sequence[FrameTimeAnswer]
 
 
 def keep_pieces(app: web.Application) -> None:
@@ -99,10 +133,21 @@ def keep_pieces(app: web.Application) -> None:
 )
 async def who_saw(request: web.Request) -> web.StreamResponse:
     """The frames that saw a place on an island's canvas, the best first."""
-    asked = asked_query(request, PlaceQuery)
+    asked, revision = asked_query(request, PlaceQuery), await map_revision(request)
     found = await in_thread(request, sightings, request.app[VIEW], int(request.match_info["island"]), asked.x, asked.y)
     await in_thread(request, _get_ready)
-    return answer(SightingsAnswer(sightings=[_entry(one) for one in found]))
+    return answer(SightingsAnswer(map_revision=revision, sightings=[_entry(one) for one in found]))
+
+
+@OPERATIONS.add("GET", f"{BASE}/times", Reply("The times.", FrameTimesAnswer, tagged=True))
+async def times(request: web.Request) -> web.StreamResponse:
+    """When the frames on the map were taken."""
+    try:
+        told = await in_thread(request, _times, request.app[VIEW])
+    except UsageError:
+        logger.info("no ledger can be read", exc_info=True)
+        told = FrameTimesAnswer(map_revision=0, frames=[])
+    return told_anew(request, told)
 
 
 @OPERATIONS.add(
@@ -202,7 +247,30 @@ async def _source(request: web.Request) -> Original:
 
 
 def _entry(one: Sighting) -> SightingAnswer:
-    when = None if one.utc is None else datetime.fromtimestamp(one.utc, UTC).isoformat(timespec="milliseconds")
-    told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time")}
-    name = one.name.encode("utf-8", "replace").decode()
-    return SightingAnswer(**told, name=name, time=when and when.replace("+00:00", "Z"))
+    told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time", "time_by")}
+    taken = None if one.utc is None or one.clock is None else CaptureTime(one.utc, one.clock)
+    return SightingAnswer(**told, name=_shown(one.name), time=_written(taken), time_by=one.clock)
+
+
+def _times(view: FlightView) -> FrameTimesAnswer:
+    """Raises UsageError."""
+    table = view.table()
+    with view.ledger() as ledger:
+        told = ledger.message_times()
+    taken = [(one.name, view.times.of(one, told.get(one.number))) for one in table.frames]
+    found = [
+        FrameTimeAnswer(name=_shown(name), time=_written(at), time_by=None if at is None else at.by)
+        for name, at in taken
+    ]
+    return FrameTimesAnswer(map_revision=table.revision, frames=found)
+
+
+def _shown(name: str) -> str:
+    return name.encode("utf-8", "replace").decode()
+
+
+def _written(taken: CaptureTime | None) -> str | None:
+    if taken is None:
+        return None
+    zone = "" if taken.by == "camera" else "Z"
+    return datetime.fromtimestamp(taken.s, UTC).isoformat(timespec="milliseconds").replace("+00:00", zone)

@@ -25,7 +25,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import NoPicture, displayed
 from gcs_mosaic.views.sightings import sightings
 from gcs_mosaic.web.api.asked import asked_body
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, PlacedBody, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 from gcs_mosaic.web.hint_keeper import HintKeeper, State
@@ -81,6 +81,7 @@ class PickedColourAnswer:
 class FoundHints:
     """What is to be shown now."""
 
+    map_revision: int
     searched: int
     failed: int
     frames: int
@@ -91,6 +92,7 @@ class FoundHints:
 class HintsAnswer:
     """Whether hints are sought, how far that has come, and what was found."""
 
+    map_revision: MapRevision
     on: bool
     state: State
     trouble: Annotated[str, "in a sentence; empty for none"]
@@ -166,6 +168,7 @@ async def every(request: web.Request) -> web.StreamResponse:
     colours, dismissed = await notes.run(lambda: (notes.hint_wishes.colours(), notes.dismissed.all()))
     found = await in_thread(request, request.app[SHOWN].now, {one.hint for one in dismissed})
     told = HintsAnswer(
+        map_revision=found.map_revision,
         on=keeper.is_asked,
         state=keeper.state,
         trouble=keeper.trouble,
@@ -239,7 +242,9 @@ def _shown(view: FlightView, settings: HintSettings, dismissed: Collection[str])
     shown = ranked(read, places, settings.per_minute, minutes, dismissed)[:MOST_SHOWN]
     names = {frame.number: frame.name for frame in table.frames}
     told = [_hint(one, read.key(one.hint), names) for one in shown]
-    return FoundHints(searched=read.searched, failed=read.failed, frames=len(table.frames), hints=told)
+    return FoundHints(
+        map_revision=table.revision, searched=read.searched, failed=read.failed, frames=len(table.frames), hints=told
+    )
 
 
 def _hint(one: RankedHint, key: str, names: dict[int, str]) -> HintAnswer:

@@ -13,7 +13,7 @@ from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
 from gcs_mosaic.views.coverage import footprint_of
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.layers import LAYERS, LayerLegend, LayerTiles, area_words, is_possible, legend
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, missing
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, missing
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.tile_answer import tile_answer
 
@@ -47,6 +47,7 @@ class GapAnswer:
 class GapsAnswer:
     """The gaps, on the island's canvas."""
 
+    map_revision: MapRevision
     gaps: Sequence[GapAnswer]
 
 
@@ -83,19 +84,20 @@ async def layer_tile(request: web.Request) -> web.StreamResponse:
 async def gaps(request: web.Request) -> web.StreamResponse:
     """Ground inside the flown area that nobody has seen, the largest first."""
     found = await in_thread(request, _gaps, request.app[VIEW], request.app[TILES], int(request.match_info["island"]))
-    return answer(GapsAnswer(gaps=found))
+    return answer(found)
 
 
-def _gaps(view: FlightView, tiles: LayerTiles, island: int) -> list[GapAnswer]:
-    _, found = tiles.islands.of(island)
+def _gaps(view: FlightView, tiles: LayerTiles, island: int) -> GapsAnswer:
+    seen = tiles.islands.of(island)
     table = view.table()
-    footprint = footprint_of(table.boxes[table.islands == island]) if found else 0.0
-    return [
+    footprint = footprint_of(table.boxes[table.islands == island]) if seen.gaps else 0.0
+    told = [
         GapAnswer(
             outline=np.round(gap.outline, 1).tolist(),
             inside=np.round(gap.inside, 1).tolist(),
             area=round(gap.area, 1),
             words=area_words(gap.area, footprint),
         )
-        for gap in found[:MOST_GAPS]
+        for gap in seen.gaps[:MOST_GAPS]
     ]
+    return GapsAnswer(map_revision=seen.revision, gaps=told)

@@ -13,7 +13,7 @@ from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Unfit, Utc, Who
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_body, asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, Canvas, IslandNumber
 from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
 
@@ -76,6 +76,7 @@ class Reviewer:
 class ReviewedAnswer:
     """The cells of painted ground within a box."""
 
+    map_revision: MapRevision
     cell: ReviewCell
     reviewed: Cells
     missing: Cells
@@ -85,7 +86,7 @@ class ReviewedAnswer:
 @OPERATIONS.add(
     "POST",
     PATH,
-    Reply("Taken in; on the disk some seconds later.", CellsAnswer, 202),
+    Reply("CaptureTime in; on the disk some seconds later.", CellsAnswer, 202),
     body=LookBody,
     failures=NO_NOTES,
 )
@@ -114,6 +115,7 @@ async def covered(request: web.Request) -> web.StreamResponse:
     seen = await in_thread(request, seen_cells, table, question.island, question.box)
     reviewed, reviewers = await notes.run(lambda: (notes.reviews.reviewed(question), dict(notes.reviews.reviewers())))
     told = ReviewedAnswer(
+        map_revision=table.revision,
         cell=ReviewCell(units=CELL, level=CELL_LEVEL),
         reviewed=sorted(seen & reviewed),
         missing=sorted(seen - reviewed),

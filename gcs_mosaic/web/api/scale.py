@@ -15,7 +15,7 @@ from gcs_mosaic.notes.ground.places import PlaceAnswer, place_answer
 from gcs_mosaic.notes.storage.checked import Unfit, Utc, Who
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_body
-from gcs_mosaic.web.api.common import BASE, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, MapRevision, answer, in_thread, map_revision, told_anew
 from gcs_mosaic.web.api.notes import NOTES, CanvasPoint, IslandNumber, Notes, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 
@@ -52,6 +52,7 @@ class ScaleAnswer:
     """Metres of a canvas unit of each island, and the distances given."""
 
     revision: int
+    map_revision: MapRevision
     islands: Sequence[IslandScale]
     distances: Sequence[DistanceAnswer]
 
@@ -61,7 +62,8 @@ async def every(request: web.Request) -> web.StreamResponse:
     """Metres of a canvas unit of each island, and the distances given."""
     notes = request.app[NOTES]
     (revision, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
-    return told_anew(request, await in_thread(request, _scales, notes, revision, known, *laid))
+    revisions = revision, await map_revision(request)
+    return told_anew(request, await in_thread(request, _scales, notes, revisions, known, *laid))
 
 
 @OPERATIONS.add(
@@ -97,11 +99,12 @@ async def _set_deleted(request: web.Request, *, deleted: bool) -> web.StreamResp
 
 
 def _scales(
-    notes: Notes, revision: int, known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
+    notes: Notes, revisions: tuple[int, int], known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
 ) -> ScaleAnswer:
     scales = island_scales(known, notes.follower.place, anchored(notes.islands(pins, by_positions)))
     distances = [_known(notes, one) for one in known]
-    return ScaleAnswer(revision=revision, islands=list(scales.values()), distances=distances)
+    revision, of_map = revisions
+    return ScaleAnswer(revision=revision, map_revision=of_map, islands=list(scales.values()), distances=distances)
 
 
 def _known(notes: Notes, one: KnownDistance) -> DistanceAnswer:

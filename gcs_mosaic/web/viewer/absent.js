@@ -2,10 +2,11 @@
 // Shots that are not on the map, where they should be: crosses with the reason.
 
 import { byId, element } from "/viewer/dom.js";
+import { Fresh } from "/viewer/fresh.js";
 import { fetchDocument } from "/viewer/server.js";
 import { said, t } from "/viewer/words.js";
 
-const EVERY_MS = 5000;
+const EVERY_MS = 5000; // shots that are waited for change nothing on the map
 
 export class Absent {
   /** `map`: the MosaicMap. */
@@ -16,7 +17,8 @@ export class Absent {
     this.isShown = false;
     this.button = byId("flight-crosses");
     this.button.onclick = () => this.toggle();
-    setInterval(() => this.read(), EVERY_MS);
+    this.fresh = new Fresh(() => this.read());
+    setInterval(() => this.isShown && this.fresh.again(), EVERY_MS);
   }
 
   toggle() {
@@ -24,18 +26,19 @@ export class Absent {
     this.button.setAttribute("aria-pressed", String(this.isShown));
     if (this.isShown) this.marks.addTo(this.map.map);
     else this.marks.remove();
-    this.read();
+    if (this.isShown) this.fresh.again();
   }
 
   async read() {
-    if (!this.isShown || document.hidden) return;
-    const answer = await fetchDocument("/api/v1/absent").catch(() => null); // those that are drawn stay
+    if (!this.isShown || document.hidden) return null;
+    const answer = await fetchDocument("/api/v1/absent");
     const island = this.map.layer?.island;
-    const text = JSON.stringify([answer, island]);
-    if (!answer || text === this.known) return;
+    const text = JSON.stringify([answer?.absent, island]);
+    if (!answer || text === this.known) return answer?.map_revision ?? null;
     this.known = text;
     this.marks.clearLayers();
     for (const one of answer.absent.filter((shot) => shot.place && shot.island === island)) this.marks.addLayer(mark(one));
+    return answer.map_revision;
   }
 }
 

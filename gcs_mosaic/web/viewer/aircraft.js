@@ -1,14 +1,12 @@
 // @ts-check
 // The choice of the aircraft whose triggers are followed; shown once a second one is heard.
 
+import { toast } from "/viewer/toast.js";
 import { t } from "/viewer/words.js";
 
-const SAID_MS = 10000;
-
 export class AircraftChoice {
-  constructor(select, output) {
+  constructor(select) {
     this.select = select;
-    this.output = output;
     select.addEventListener("change", () => this.choose(select.value));
   }
 
@@ -33,16 +31,9 @@ export class AircraftChoice {
     this.select.blur();
     try {
       const response = await fetch(`/vehicle/${system}`, { method: "POST" });
-      this.say((await response.text()).trim());
+      toast((await response.text()).trim());
     } catch {
-      this.say(t("No answer: nothing is known to have changed."));
+      toast(t("No answer: nothing is known to have changed."));
     }
-  }
-
-  say(text) {
-    this.output.textContent = text;
-    this.output.hidden = false;
-    clearTimeout(this.timer);
-    this.timer = setTimeout(() => (this.output.hidden = true), SAID_MS);
   }
 }

@@ -5,6 +5,7 @@ import { send, trying } from "/viewer/api.js";
 import { byId } from "/viewer/dom.js";
 import { cornerOf, Laying } from "/viewer/laying.js";
 import { openPanel } from "/viewer/panels.js";
+import { ChosenPlace } from "/viewer/pointing.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
@@ -17,6 +18,7 @@ export class Anchors {
     this.pointing = pointing;
     this.answer = null;
     this.pins = L.layerGroup().addTo(map.map);
+    this.chosen = new ChosenPlace(map);
     this.set = byId("anchors-set");
     this.form = byId("anchors-form");
     this.list = byId("anchors-list");
@@ -30,7 +32,7 @@ export class Anchors {
     this.set.onclick = () => this.pointing.take(this.tool);
     this.form.onsubmit = (event) => this.save(event);
     this.go.onsubmit = (event) => this.goTo(event);
-    byId("anchors-cancel").onclick = () => (this.form.hidden = true);
+    byId("anchors-cancel").onclick = () => this.endForm();
     this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
     for (const name of NOTATIONS) this.notation.append(new Option(name.toUpperCase(), name));
     map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
@@ -39,9 +41,10 @@ export class Anchors {
 
   async read() {
     const answer = await fetchDocument("/api/v1/anchors").catch(() => null);
-    if (!answer) return;
+    if (!answer) return null;
     this.answer = answer;
     this.show();
+    return answer.map_revision;
   }
 
   show() {
@@ -94,6 +97,7 @@ export class Anchors {
     this.pointing.release();
     openPanel("anchors");
     this.newPlace = place;
+    this.chosen.show(place.x, place.y);
     this.form.hidden = false;
     this.form.elements.coordinate.focus();
   }
@@ -104,8 +108,13 @@ export class Anchors {
     const body = { ...this.newPlace, coordinate: coordinate.value, sigma_m: Number(sigma.value.replace(",", ".")) || 3, label: label.value };
     if (!(await trying(this.said, () => send("POST", "/pins", body)))) return;
     this.form.reset();
-    this.form.hidden = true;
+    this.endForm();
     await this.read();
+  }
+
+  endForm() {
+    this.form.hidden = true;
+    this.chosen.clear();
   }
 
   async goTo(event) {

@@ -4,7 +4,9 @@
 import { send, setWho, trying, who } from "/viewer/api.js";
 import { byId, element, focusedIn } from "/viewer/dom.js";
 import { openPanel } from "/viewer/panels.js";
+import { ChosenPlace } from "/viewer/pointing.js";
 import { fetchDocument } from "/viewer/server.js";
+import { written } from "/viewer/times.js";
 import { t } from "/viewer/words.js";
 
 const CROP = 240; // px of the original
@@ -18,6 +20,7 @@ export class Finds {
     /** @type {Api.Find[]} */
     this.finds = [];
     this.pins = L.layerGroup().addTo(map.map);
+    this.chosen = new ChosenPlace(map);
     this.form = byId("finds-form");
     this.list = byId("finds-list");
     this.undo = byId("finds-undo");
@@ -36,9 +39,10 @@ export class Finds {
   /** Ask where they lie now, and what is new. */
   async read() {
     const answer = await fetchDocument("/api/v1/finds").catch(() => null); // those that are shown stay
-    if (!answer) return;
+    if (!answer) return null;
     this.finds = answer.finds;
     this.show();
+    return answer.map_revision;
   }
 
   show() {
@@ -46,6 +50,7 @@ export class Finds {
     const focused = focusedIn("find");
     this.list.replaceChildren(...[...this.finds].reverse().map((find) => this.row(find)));
     if (focused) this.list.querySelector(`[data-find="${focused}"]`)?.focus();
+    byId("finds-earth").hidden = !this.finds.length || this.finds.some(({ geo }) => geo);
     byId("open-finds").textContent = this.finds.length ? `${t("Finds")}: ${this.finds.length}` : t("Finds");
   }
 
@@ -74,7 +79,7 @@ export class Finds {
       alt: "", loading: "lazy", width: 96, height: 96,
     })];
     const where = find.geo ? `${find.geo.latitude.toFixed(6)}, ${find.geo.longitude.toFixed(6)} ± ${Math.ceil(find.geo.error_m)} m` : "";
-    const when = new Date(find.created_utc * 1000).toLocaleTimeString();
+    const when = written(find.created_utc * 1000);
     const text = element("div", {}, element("b", { textContent: `${find.id}. ${nameOf(find)}` }), element("p", { textContent: find.note }),
       element("small", { textContent: `${find.who}, ${when}${where && `, ${where}`}${find.follows ? "" : `, ${t("does not follow the map")}`}` }));
     const button = (label, action) => element("button", { type: "button", textContent: t(label), ariaLabel: `${t(label)}: ${nameOf(find)}`, onclick: action });
@@ -102,6 +107,7 @@ export class Finds {
     this.pointing.release();
     openPanel("finds");
     this.place = place;
+    if ("x" in place) this.chosen.show(place.x, place.y);
     this.edited = null;
     this.key = crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`;
     this.fill({ label: "", kind: "", note: "" });
@@ -122,6 +128,7 @@ export class Finds {
 
   endForm() {
     this.form.hidden = true;
+    this.chosen.clear();
     this.place = null;
     this.edited = null;
     this.mark.focus();

@@ -3,6 +3,9 @@
 
 import { byId } from "/viewer/dom.js";
 import { middleOf, outlineOf } from "/viewer/outline.js";
+import { Fresh } from "/viewer/fresh.js";
+import { fetchDocument } from "/viewer/server.js";
+import { written } from "/viewer/times.js";
 import { Veil } from "/viewer/veil.js";
 import { t } from "/viewer/words.js";
 
@@ -28,12 +31,39 @@ export class FlightPath {
     this.time = byId("flight-time");
     this.absent = byId("flight-absent");
     this.play = byId("flight-play");
+    /** @type {Map<string, Api.FrameTime>} */
+    this.times = new Map();
+    this.fresh = new Fresh(() => this.readTimes());
     this.path.onclick = () => this.toggle("showsPath", this.path);
     this.outlines.onclick = () => this.toggle("showsOutlines", this.outlines);
     this.slider.oninput = () => this.moveTo(Number(this.slider.value));
     this.play.onclick = () => this.togglePlay();
     byId("flight").addEventListener("opened", () => this.show());
     byId("flight").addEventListener("closed", () => this.moveTo(Number(this.slider.max)));
+  }
+
+  /** While somebody looks: when the frames were taken. */
+  follow(revision) {
+    if (!byId("flight").hidden) this.fresh.follow(revision);
+  }
+
+  async readTimes() {
+    const answer = await fetchDocument("/api/v1/times");
+    if (!answer) return null;
+    this.times = new Map(answer.frames.map((one) => [one.name, one]));
+    this.tellPlace();
+    return answer.map_revision;
+  }
+
+  /** What the slider stands at: the frame's name, and when it was taken. */
+  tellPlace() {
+    const frames = this.frames();
+    const last = frames[this.count - 1];
+    const told = last && this.times.get(last.name);
+    const when = told?.time ? t(told.time_by === "file" ? "came {time}" : "taken {time}", { time: written(told.time) }) : "";
+    const isPast = this.count < frames.length;
+    const place = isPast ? t("After {n} of {all} frames: {name}", { n: this.count, all: frames.length, name: last?.name ?? "" }) : t("All {all} frames", { all: frames.length });
+    this.time.textContent = isPast && when ? `${place}, ${when}` : place;
   }
 
   toggle(what, button) {
@@ -65,10 +95,8 @@ export class FlightPath {
 
   /** Show the flight as it was when `count` frames had been taken. */
   moveTo(count) {
-    const frames = this.frames();
     this.count = count;
-    const isPast = count < frames.length;
-    this.time.textContent = isPast ? t("After {n} of {all} frames: {name}", { n: count, all: frames.length, name: frames[count - 1]?.name ?? "" }) : t("All {all} frames", { all: frames.length });
+    this.tellPlace();
     this.draw();
   }
 
@@ -98,6 +126,8 @@ export class FlightPath {
     const here = (one) => one.island === this.map.layer?.island;
     const shown = frames.slice(0, until).filter(here);
     this.veil.remove();
+    this.map.hidesNewest = isPast; // one frame is marked: the one that it is played to
+    this.map.showOutline();
     if (isPast) {
       this.veil.show(frames.slice(until).filter(here).map(outlineOf).filter(Boolean), shown.map(outlineOf).filter(Boolean));
       this.veil.addTo(this.map.map);

@@ -2,10 +2,8 @@
 // Keys for the hand that does not hold the tablet, and a sheet that tells them.
 
 import { byId } from "/viewer/dom.js";
-import { openPanel } from "/viewer/panels.js";
+import { PANELS, openPanel, togglePanel } from "/viewer/panels.js";
 import { t } from "/viewer/words.js";
-
-const PANELS = ["layers", "finds", "hints", "measure", "reviews", "anchors", "islands", "flight", "look", "elsewhere"];
 
 const press = (id) => byId(id).click();
 /** @type {[string, string, (() => void) | null][]} key, what it does, action */
@@ -22,7 +20,7 @@ const KEYS = [
   ["r", "Flight up", () => press("turn-flight-up")],
   ["t", "North up", () => press("turn-north-up")],
   ["f", "Full screen", () => press("full")],
-  ["1 … 9, 0", "Layers, Finds, Hints, Measure, Review, Anchor, Islands, Flight, Look, On other maps", null],
+  ["1 … 9, 0", "Flight, Islands, Layers, Review, Hints, Measure, Finds, Anchor, On other maps, Look", null],
   ["+  −", "Nearer, farther", null],
   ["← ↑ → ↓", "Move the map; step through originals", null],
   ["b", "Blink between two originals", null],
@@ -47,7 +45,7 @@ function onKey({ key, target, ctrlKey, altKey, metaKey }) {
   const isTyping = target.matches?.("input:not([type=range], [type=checkbox]), textarea, select");
   if (ctrlKey || altKey || metaKey || isTyping || document.querySelector("dialog[open]")) return;
   const panel = /^[0-9]$/.test(key) && PANELS[(Number(key) + 9) % 10];
-  if (panel) press(`open-${panel}`);
+  if (panel) togglePanel(panel);
   else if (byId("originals").hidden) KEYS.find(([name]) => name === key)?.[2]?.();
 }
 

@@ -2,20 +2,25 @@
 // Layers over the map: how often, how finely, how lately the ground was seen; and gaps, which need no click.
 
 import { byId, element } from "/viewer/dom.js";
+import { Fresh } from "/viewer/fresh.js";
 import { fetchDocument } from "/viewer/server.js";
-import { LiveTiles } from "/viewer/tiles.js";
+import { LiveTiles, affectedBy } from "/viewer/tiles.js";
 import { said, t } from "/viewer/words.js";
 
-const EACH_MS = 5000; // gaps and layers are asked for again while the map changes
+const LEGENDS_AGAIN_MS = 5000;
 
 export class Layers {
   constructor(map) {
     this.map = map;
     this.tiles = null;
     this.island = null;
-    this.revision = -1;
-    this.due = 0;
+    this.revision = 0; // of the map, which the layer's tiles are as new as
+    /** @type {[number, number, number][] | null} */
+    this.changed = []; // tiles of the map, since the layer's were asked for; null: any
     this.showsGaps = true;
+    this.gaps = 0;
+    this.onGaps = () => {}; // called when their number has changed
+    this.fresh = new Fresh(() => this.readGaps(), (isOld) => this.tellOld(isOld));
     this.gapLines = L.layerGroup().addTo(map);
     this.select = byId("layer");
     this.button = byId("gaps");
@@ -33,27 +38,54 @@ export class Layers {
         this.select.append(new Option(t(one.title), one.name));
       }
     } catch {
-      setTimeout(() => this.readLegends(), EACH_MS);
+      setTimeout(() => this.readLegends(), LEGENDS_AGAIN_MS);
     }
   }
 
-  /** The island in view, its tiles' options, and the revision of the map. */
-  show(island, options, revision) {
+  /** The island in view, and its tiles' options. */
+  show(island, options) {
     const isAnother = this.island?.id !== island.id;
     this.island = island;
     this.options = options;
-    const isDue = revision !== this.revision && Date.now() >= this.due;
-    if (!isAnother && !isDue) return;
+    if (!isAnother) return;
+    this.gapLines.clearLayers();
+    this.gaps = 0;
+    this.fresh.begin();
+    this.choose();
+    this.fresh.again();
+  }
+
+  /** The map is at this revision. */
+  follow(revision) {
+    if (this.island && (this.showsGaps || this.tiles)) this.fresh.follow(revision);
+  }
+
+  /** Tiles [z, x, y] of the island in view were painted; null: any. */
+  painted(tiles) {
+    this.changed = tiles && this.changed && [...this.changed, ...tiles];
+  }
+
+  /** The server knows the frames of this revision: what it answers from now on is as new. */
+  renew(revision) {
+    if (revision <= this.revision) return;
     this.revision = revision;
-    this.due = Date.now() + EACH_MS;
-    if (isAnother) {
-      this.gapLines.clearLayers();
-      this.choose();
-    } else {
-      this.tiles?.grow(options);
-      this.tiles?.refresh(revision, () => true);
-    }
-    this.readGaps();
+    if (!this.tiles) return;
+    this.tiles.grow(this.options);
+    this.tiles.refresh(revision, this.changed ? affectedBy(this.changed) : () => true);
+    this.changed = [];
+  }
+
+  tellOld(isOld) {
+    this.button.classList.toggle("old", isOld);
+    this.map.getContainer().classList.toggle("old-gaps", isOld);
+    this.tell();
+  }
+
+  tell() {
+    const counted = this.gaps ? `${t("Gaps")}: ${this.gaps}` : t("Gaps");
+    const isOld = this.button.classList.contains("old");
+    this.button.textContent = isOld ? t("{gaps} (older than the map)", { gaps: counted }) : counted;
+    this.onGaps();
   }
 
   choose() {
@@ -63,7 +95,8 @@ export class Layers {
     this.showLegend(legend);
     if (!legend || !this.island) return;
     const path = (island, { z, x, y }, revision) => `/api/v1/layers/${legend.name}/${island}/${z}/${x}/${y}.png?r=${revision}`;
-    this.tiles = new LiveTiles(path, this.island.id, this.revision, () => {}, { ...this.options, zIndex: 5 });
+    this.changed = [];
+    this.tiles = new LiveTiles(path, this.island.id, this.revision, () => {}, { ...this.options, zIndex: 5, tileClass: "layer-tile" });
     this.tiles.addTo(this.map);
   }
 
@@ -82,18 +115,22 @@ export class Layers {
   toggleGaps() {
     this.showsGaps = !this.showsGaps;
     this.button.setAttribute("aria-pressed", String(this.showsGaps));
-    if (this.showsGaps) this.readGaps();
+    if (this.showsGaps) this.fresh.again();
     else this.gapLines.clearLayers();
   }
 
+  /** Of the island in view; the map's revision that they are of. */
   async readGaps() {
-    if (!this.showsGaps || !this.island) return;
+    if (!this.island) return null;
     const island = this.island.id;
-    const answer = await fetchDocument(`/api/v1/islands/${island}/gaps`).catch(() => null); // those that are drawn stay
-    if (!answer || island !== this.island.id || !this.showsGaps) return;
-    this.button.textContent = answer.gaps.length ? `${t("Gaps")}: ${answer.gaps.length}` : t("Gaps");
+    const answer = await fetchDocument(`/api/v1/islands/${island}/gaps`);
+    if (!answer || island !== this.island.id) return null;
+    this.renew(answer.map_revision);
+    this.gaps = answer.gaps.length;
     this.gapLines.clearLayers();
-    for (const gap of answer.gaps) this.gapLines.addLayer(gapLayer(gap));
+    if (this.showsGaps) for (const gap of answer.gaps) this.gapLines.addLayer(gapLayer(gap));
+    this.tell();
+    return answer.map_revision;
   }
 }
 
@@ -104,7 +141,7 @@ export class Layers {
 function gapLayer({ outline, words }) {
   /** @type {[number, number][]} */
   const corners = outline.map(([x, y]) => [y, x]);
-  const line = (color, weight, dashArray) => L.polygon(corners, { color, weight, dashArray, fillColor: "#d55e00", fillOpacity: 0.25 });
+  const line = (color, weight, dashArray) => L.polygon(corners, { color, weight, dashArray, fillColor: "#d55e00", fillOpacity: 0.25, className: "gap" });
   const group = L.featureGroup([line("#000", 5), line("#ff8a3d", 3, "8 6")]);
   return group.bindTooltip(element("span", { className: "upright", textContent: t("Not seen: {area}. Fly here again.", { area: said(words) }) }));
 }

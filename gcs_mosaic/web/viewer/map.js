@@ -38,6 +38,7 @@ export class MosaicMap {
     this.newestFrame = null;
     this.painted = null; // the part of the island in view that is painted: [left, top, right, bottom]
     this.isAway = false; // whether the server is
+    this.hidesNewest = false; // while the flight is played again
     this.colourOf = (_frame) => "#ffe600"; // of the newest frame's outline
     this.onPlace = null; // called with island, x and y of a place that was clicked
     this.chosenIsland = null; // by hand; null: the newest or largest
@@ -60,7 +61,6 @@ export class MosaicMap {
     for (const mode of ["all", "newest"]) {
       byId(mode).onclick = () => this.setMode(this.mode === mode ? "free" : mode);
     }
-    byId("island").onchange = (event) => this.chooseIsland(Number(event.target.value));
   }
 
   /** What the view keeps showing: "all" (the whole island), "newest" (the newest frame), "free" (what the user chose). */
@@ -91,7 +91,7 @@ export class MosaicMap {
     this.newestFrame = newestFrame;
     this.boundsOf = boundsOf;
     this.turn.follow(newestFrame);
-    this.showChoice();
+    byId("all").textContent = this.islands().length > 1 ? t("This whole part") : t("Whole map");
     this.showIsland();
   }
 
@@ -101,6 +101,7 @@ export class MosaicMap {
     this.revision = revision;
     if (!this.layer) return;
     const ours = tiles?.filter(([island]) => island === this.layer.island).map(([, ...tile]) => tile);
+    this.layers.painted(ours ?? null);
     this.layer.refresh(revision, ours ? affectedBy(ours) : () => true);
   }
 
@@ -129,12 +130,11 @@ export class MosaicMap {
     this.limitView(island.minzoom - SHRINK_LEVELS, options.bounds.pad(ROOM_AROUND));
     if (this.layer?.island !== island.id) this.startLayer(island.id, options);
     this.bounds = paintedBounds(options.bounds, this.boundsOf(island.id));
-    byId("island").value = String(island.id);
     this.showOutline();
     this.keepInView();
     this.layer.grow(options);
     this.closeHairlines();
-    this.layers.show(island, options, this.revision);
+    this.layers.show(island, options);
   }
 
   /** Set anew only when they change: it stops a finger that moves the map. */
@@ -181,11 +181,11 @@ export class MosaicMap {
   look(bounds) {
     const [width, height] = this.turn.extent(bounds);
     const [across, down] = this.turn.size;
-    const left = besideTools();
-    const room = [across - left - ROOM_PX, down - 2 * ROOM_PX].map((side) => Math.max(side, 1)); // a pane may be hidden, or tiny
+    const { top, right } = underTools();
+    const room = [across - right - ROOM_PX, down - top - ROOM_PX].map((side) => Math.max(side, 1)); // a pane may be hidden, or tiny
     const fitting = BASE_LEVEL + Math.log2(Math.min(room[0] / width, room[1] / height));
     const zoom = Math.min(Math.max(Math.floor(fitting / ZOOM_SNAP) * ZOOM_SNAP, this.map.getMinZoom()), this.map.getMaxZoom());
-    const aside = this.turn.turnedBack(L.point((left - ROOM_PX) / 2, 0)).divideBy(2 ** (zoom - BASE_LEVEL));
+    const aside = this.turn.turnedBack(L.point((ROOM_PX - right) / 2, (top - ROOM_PX) / 2)).divideBy(2 ** (zoom - BASE_LEVEL));
     const { lat, lng } = bounds.getCenter();
     this.movedByUs = true;
     this.map.setView([lat - aside.y, lng - aside.x], zoom, { animate: false });
@@ -194,7 +194,8 @@ export class MosaicMap {
 
   /** The newest frame's outline, as soon as its ground is shown: it never stands on bare ground. */
   showOutline() {
-    const ours = this.newestFrame && this.newestFrame.island === this.layer?.island ? this.newestFrame : null;
+    const isShown = this.newestFrame && this.newestFrame.island === this.layer?.island && !this.hidesNewest;
+    const ours = isShown ? this.newestFrame : null;
     if (ours && (!this.layer.isComplete() || JSON.stringify(ours.canvas_from_frame) === this.outlined)) return;
     this.outline?.remove();
     const corners = ours && outlineOf(ours);
@@ -202,21 +203,12 @@ export class MosaicMap {
     this.outlined = corners && JSON.stringify(ours.canvas_from_frame);
     if (this.outline) this.keepInView();
   }
-
-  showChoice() {
-    const select = byId("island");
-    const islands = this.islands();
-    select.hidden = islands.length < 2;
-    const options = islands.map(({ id, frames }) => new Option(frames === 1 ? t("Island {id}: 1 frame", { id }) : t("Island {id}: {n} frames", { id, n: frames }), id));
-    // Exchanging the options would close the list under the user's finger.
-    if (document.activeElement !== select) select.replaceChildren(...options);
-  }
 }
 
-/** CSS pixels on the left that the tools stand on, where they stand below each other; what is looked at is not under them. */
-function besideTools() {
-  const { offsetWidth, offsetHeight } = byId("tools");
-  return offsetHeight > offsetWidth ? offsetWidth : 12;
+/** CSS pixels at the top and on the right that buttons stand on: what is looked at is not under them. */
+function underTools() {
+  const zoom = /** @type {HTMLElement | null} */ (document.querySelector("#pane .leaflet-control-zoom"));
+  return { top: byId("top").offsetHeight + ROOM_PX, right: (zoom?.offsetWidth ?? 0) + ROOM_PX };
 }
 
 /** What is painted within an island's tiles; all of them while that is not known. */

@@ -46,10 +46,11 @@ export class Measure {
 
   async read() {
     const answer = await fetchDocument("/api/v1/scale").catch(() => null);
-    if (!answer) return;
+    if (!answer) return null;
     this.scales = new Map(answer.islands.map((one) => [one.island, one]));
     this.distances = answer.distances.filter((one) => !one.deleted);
     this.showScale();
+    return answer.map_revision;
   }
 
   /** Metres of a canvas unit of the island in view, or undefined. */

@@ -3,12 +3,16 @@
 
 import { byId } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
+import { written } from "/viewer/times.js";
+import { toast } from "/viewer/toast.js";
 import { t } from "/viewer/words.js";
 
 const PREVIEW = 4; // the picture is shown at a quarter of its size until it has come whole
 const LARGE = 16e6; // pixels; such a picture comes in pieces, those in view first
 const PIECE = 512; // pixels
 const CLOSEST = 3; // levels beyond pixel by pixel
+const SOON_MS = 300; // until a server that does not know the newest frames is asked again
+const LONGEST_MS = 5000;
 
 /** Original pixels, y down: zoom 0 shows one as a CSS pixel; the centre of the top left one is (0, 0). */
 const PIXELS = L.extend({}, L.CRS.Simple, { transformation: new L.Transformation(1, 0.5, 1, 0.5) });
@@ -17,7 +21,10 @@ const PIXELS = L.extend({}, L.CRS.Simple, { transformation: new L.Transformation
 const RING = [["#000", 5], ["#ffe600", 2]];
 
 export class Originals {
-  constructor() {
+  /** `mapRevision()`: the newest that is known of the map. */
+  constructor(mapRevision) {
+    this.mapRevision = mapRevision;
+    this.asked = null; // what the last question was about
     this.box = byId("originals");
     this.map = null;
     /** @type {Api.Sighting[]} */
@@ -41,23 +48,37 @@ export class Originals {
 
   /** Ask who saw a place on an island's canvas; the frame of the number `first` is shown first, else the best. */
   async ask(island, x, y, first) {
-    this.say(t("Asking …"));
+    const asked = (this.asked = { island, x, y });
+    toast(t("Asking …"));
+    for (let wait = SOON_MS; this.asked === asked; wait *= 2) {
+      const wanted = this.mapRevision();
+      const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}`).catch(() => null);
+      if (this.asked !== asked) return;
+      if (!answer) {
+        toast(t("No answer: ask again once the connection is back."));
+        return;
+      }
+      const isOld = answer.map_revision < wanted;
+      this.take(answer.sightings, first, isOld);
+      if (!isOld || wait > LONGEST_MS) return;
+      await new Promise((done) => setTimeout(done, wait));
+    }
+  }
+
+  /** Who saw the place; `isOld`: the newest frames are not known to whoever answers. Without any the map stays in sight. */
+  take(found, first, isOld) {
+    const nobody = t("No frame saw this place.");
+    if (!found.length) toast(isOld ? t("None of the frames before the last few seconds saw this place: asking again …") : nobody);
+    if (!found.length) return;
+    toast("");
+    const shown = this.isOpen ? this.shown?.number : first;
+    const same = this.isOpen && found.length === this.found.length && this.shown;
+    this.found = found;
+    this.isOld = isOld;
     this.box.hidden = false;
-    try {
-      const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}`);
-      this.found = answer?.sightings ?? [];
-    } catch {
-      this.found = [];
-      this.clear();
-      this.say(t("No answer: ask again once the connection is back."));
-      return;
-    }
-    if (!this.found.length) {
-      this.clear();
-      this.say(t("No frame saw this place."));
-      return;
-    }
-    this.at = this.before = Math.max(0, this.found.findIndex(({ number }) => number === first));
+    this.at = Math.max(0, found.findIndex(({ number }) => number === shown));
+    if (same) return this.tell(found[this.at], this.at);
+    this.before = this.at;
     this.begin();
     this.show(this.at);
   }
@@ -123,8 +144,13 @@ export class Originals {
   }
 
   tell(one, index) {
-    const when = one.time ? `, ${new Date(one.time).toLocaleString("en-GB")}` : "";
-    this.say(`${t("{n} of {all}", { n: index + 1, all: this.found.length })}: ${one.name}${when}${one.covered ? `, ${t("not painted")}` : ""}`);
+    const parts = [
+      `${t("{n} of {all}", { n: index + 1, all: this.found.length })}: ${one.name}`,
+      ...(one.time ? [t(one.time_by === "file" ? "came {time}" : "taken {time}", { time: written(one.time) })] : []),
+      ...(one.covered ? [t("not painted")] : []),
+      ...(this.isOld ? [t("asking for newer ones …")] : []),
+    ];
+    this.say(parts.join(", "));
     const link = byId("originals-download");
     link.href = `/api/v1/frames/${one.number}/original`;
     link.download = one.name.split("/").pop();
@@ -141,6 +167,7 @@ export class Originals {
 
   close() {
     this.clear();
+    this.asked = null;
     this.box.hidden = true;
     byId("map").focus();
   }

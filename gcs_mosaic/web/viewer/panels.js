@@ -1,6 +1,8 @@
 // @ts-check
-// Panels beside the map (below it on a narrow screen): one at a time, each opened by its button.
-// A panel is a `section.panel` of the page, with an id and an `aria-label`; it is told by the events `opened` and `closed`.
+// Panels beside the map (below it on a narrow screen): one at a time. They belong to the phases of a search (fly, search, report)
+// and to the page itself; each phase has a button, which opens the panel of it that was open last, and a tab for each of them.
+// A panel is a `section.panel` of the page, with an id, an `aria-label` and its phase; it is told by the events `opened` and
+// `closed`.
 
 import { byId } from "/viewer/dom.js";
 
@@ -8,37 +10,71 @@ import { byId } from "/viewer/dom.js";
 const found = document.querySelectorAll("section.panel");
 const panels = [...found];
 const side = byId("side");
+/** @type {Map<string, string>} the panel of each phase that was open last */
+const last = new Map();
 
-/** Make a button for each panel; Escape closes the open one. */
+/** Their ids, in the order of the buttons. */
+export const PANELS = panels.map(({ id }) => id);
+
+/** Make a tab for each panel, and let the phases' buttons open them; Escape closes the open one. */
 export function makePanels() {
+  for (const panel of [...panels].reverse()) last.set(panel.dataset.phase, panel.id);
   for (const panel of panels) {
-    const button = Object.assign(document.createElement("button"), { type: "button", id: `open-${panel.id}`, textContent: panel.ariaLabel });
-    button.setAttribute("aria-controls", panel.id);
-    button.setAttribute("aria-expanded", "false");
-    button.onclick = () => (panel.hidden ? openPanel(panel.id) : closePanels());
-    byId("tools").append(button);
+    const tab = Object.assign(document.createElement("button"), { type: "button", id: `open-${panel.id}`, textContent: panel.ariaLabel });
+    tab.dataset.phase = panel.dataset.phase;
+    tab.onclick = () => openPanel(panel.id);
+    byId("tabs").append(tab);
+  }
+  for (const phase of last.keys()) {
+    byId(`phase-${phase}`).onclick = () => (openPhase() === phase ? closePanels() : openPanel(last.get(phase)));
   }
   byId("side-close").onclick = closePanels;
   side.addEventListener("keydown", ({ key }) => key === "Escape" && closePanels());
 }
 
+/** Open a panel, or close it if it is open. */
+export function togglePanel(id) {
+  if (byId(id).hidden) openPanel(id);
+  else closePanels();
+}
+
 export function openPanel(id) {
-  for (const panel of panels) setOpen(panel, panel.id === id);
+  const { phase } = byId(id).dataset;
+  last.set(phase, id);
+  for (const panel of panels) if (panel.id !== id) setOpen(panel, false);
   side.hidden = false;
+  setOpen(byId(id), true);
   byId("side-title").textContent = byId(id).ariaLabel;
+  side.scrollTop = 0;
+  /** @type {NodeListOf<HTMLElement>} */
+  const tabs = document.querySelectorAll("#tabs button");
+  for (const tab of tabs) {
+    tab.hidden = tab.dataset.phase !== phase;
+    tab.setAttribute("aria-current", String(tab.id === `open-${id}`));
+  }
+  byId("tabs").hidden = panels.filter((panel) => panel.dataset.phase === phase).length < 2;
+  showPhase(phase);
 }
 
 /** Close what is open, and give the keyboard back to its button. */
 export function closePanels() {
-  const open = panels.find((panel) => !panel.hidden);
+  const phase = openPhase();
   for (const panel of panels) setOpen(panel, false);
   side.hidden = true;
-  if (open) byId(`open-${open.id}`).focus();
+  showPhase("");
+  if (phase) byId(`phase-${phase}`).focus();
+}
+
+function openPhase() {
+  return panels.find((panel) => !panel.hidden)?.dataset.phase ?? "";
+}
+
+function showPhase(open) {
+  for (const phase of last.keys()) byId(`phase-${phase}`).setAttribute("aria-expanded", String(phase === open));
 }
 
 function setOpen(panel, isOpen) {
   if (panel.hidden !== isOpen) return;
   panel.hidden = !isOpen;
-  byId(`open-${panel.id}`).setAttribute("aria-expanded", String(isOpen));
   panel.dispatchEvent(new CustomEvent(isOpen ? "opened" : "closed"));
 }

@@ -18,8 +18,9 @@ export class Placements {
     this.counts = { revision: -1, of: new Map() };
   }
 
-  /** Learn what is new. The journal is read first: what it leaves out is in placements.json by then. */
-  async read() {
+  /** Learn what is new; `revision`: the map's, if that is known. The journal is read first: what it leaves out is in placements.json by then. */
+  async read(revision) {
+    if (revision !== undefined && revision === this.revision) return;
     const [head, ...lines] = (await fetchLines(`/placements.jsonl?after=${this.revision}`)) ?? [null];
     if (!head || head.since > this.revision) {
       const all = await fetchDocument("/placements.json");

@@ -11,6 +11,11 @@ export class Pointing {
     this.usual = usual;
     this.tool = null;
     this.hint = byId("hint");
+    byId("hint-end").onclick = () => this.release();
+    // The tool of a panel that is closed, or left for another one, does not stay armed unseen.
+    for (const panel of document.querySelectorAll("section.panel")) {
+      panel.addEventListener("closed", () => this.tool?.button && panel.contains(this.tool.button) && this.release());
+    }
     map.onPlace = (island, x, y) => (this.tool ? this.tool.place(island, x, y) : this.usual(island, x, y));
     map.map.on("mousemove", ({ latlng }) => this.tool?.move?.(latlng.lng, latlng.lat));
     document.addEventListener("keydown", ({ key }) => key === "Escape" && this.release());
@@ -24,8 +29,9 @@ export class Pointing {
     this.tool = tool;
     this.map.setMode("free"); // nothing moves by itself under somebody who points
     tool.button?.setAttribute("aria-pressed", "true");
-    this.hint.textContent = `${t(tool.said)} ${t("Escape ends it.")}`;
+    this.hint.querySelector("output").textContent = t(tool.said);
     this.hint.hidden = false;
+    this.map.map.doubleClickZoom.disable(); // two points that are near each other are two points
     this.map.map.getContainer().classList.add("pointing");
   }
 
@@ -33,8 +39,28 @@ export class Pointing {
     const tool = this.tool;
     this.tool = null;
     this.hint.hidden = true;
+    this.map.map.doubleClickZoom.enable();
     this.map.map.getContainer().classList.remove("pointing");
     tool?.button?.setAttribute("aria-pressed", "false");
     tool?.end?.();
+  }
+}
+
+/** A mark where something is about to be set, which stays until it is set or given up. */
+export class ChosenPlace {
+  /** `map`: the MosaicMap. */
+  constructor(map) {
+    this.marks = L.layerGroup().addTo(map.map);
+  }
+
+  /** @param {number} x @param {number} y on the canvas */
+  show(x, y) {
+    this.marks.clearLayers();
+    const icon = L.divIcon({ className: "chosen-place", iconSize: [32, 32] });
+    this.marks.addLayer(L.marker([y, x], { icon, interactive: false, keyboard: false }));
+  }
+
+  clear() {
+    this.marks.clearLayers();
   }
 }

@@ -8,13 +8,18 @@ import { t } from "/viewer/words.js";
 
 const EACH_MS = 3000; // between two reports of what is on the screen
 const STILL_MS = 1000; // the map must have stood so long
-const MOST_CELLS = 60; // across what is on the screen; from further out the shading says too little
+const AWAKE_MS = 20000; // since the map or the pointer was last moved: a page that nobody sits at reviews nothing
+const AGAIN_MS = 3000; // between two questions how much of the part was reviewed
+const MOST_CELLS = 60000; // of one question; of a larger part what is in view is told of
+const CELL = 128; // canvas units
 
 export class Reviews {
   constructor(map) {
     this.map = map;
     this.shade = L.layerGroup().addTo(map.map);
     this.moved = Date.now();
+    this.lastInput = -Infinity; // by a person, who has not touched anything yet
+    this.panel = byId("reviews");
     this.isShown = false;
     this.isCounting = true;
     this.renderer = L.canvas({ padding: 0.2 });
@@ -25,12 +30,14 @@ export class Reviews {
     this.button.onclick = () => this.toggle();
     this.counts.onclick = () => this.toggleCounting();
     this.whose.onchange = () => this.read();
+    for (const kind of ["pointermove", "pointerdown", "wheel", "keydown"]) {
+      document.addEventListener(kind, () => (this.lastInput = Date.now()), { passive: true, capture: true });
+    }
+    this.panel.addEventListener("opened", () => this.read());
     map.map.on("movestart zoomstart", () => (this.moved = Date.now()));
-    map.map.on("moveend zoomend", () => {
-      this.moved = Date.now();
-      this.read();
-    });
+    map.map.on("moveend zoomend", () => (this.moved = Date.now()));
     setInterval(() => this.report(), EACH_MS);
+    setInterval(() => this.read(), AGAIN_MS);
   }
 
   toggle() {
@@ -55,38 +62,44 @@ export class Reviews {
 
   async report() {
     const { layer, map } = this.map;
-    const isLooking = this.isCounting && document.visibilityState === "visible" && byId("originals").hidden;
+    const isAwake = Date.now() - this.lastInput < AWAKE_MS;
+    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && byId("originals").hidden;
     if (!layer || !isLooking || Date.now() - this.moved < STILL_MS || map.getZoom() < this.leastLevel() - 0.5) return;
     const level = Math.max(0, Math.min(30, Math.round(map.getZoom())));
     try {
       await send("POST", "/reviews", { island: layer.island, box: this.box(), level, seconds: EACH_MS / 1000 });
-      if (this.isShown) await this.read();
+      await this.read();
     } catch {
       // the next look is reported
     }
   }
 
   async read() {
-    if (!this.isShown || !this.map.layer) {
-      this.shade.clearLayers();
-      return;
-    }
+    if (!this.isShown) this.shade.clearLayers();
+    if (!this.map.layer || document.hidden || (!this.isShown && this.panel.hidden)) return;
     const { island } = this.map.layer;
-    const [left, top, right, bottom] = this.box();
-    if (right - left > MOST_CELLS * 128 * 4) {
-      this.shade.clearLayers();
-      this.told.textContent = t("Zoom in to see what was reviewed.");
-      return;
-    }
+    const { box: [left, top, right, bottom], isWhole } = this.asked();
     const whose = this.whose.value ? `&who=${encodeURIComponent(this.whose.value)}` : "";
     const query = `island=${island}&left=${left}&top=${top}&right=${right}&bottom=${bottom}&level=${this.leastLevel() - 1}${whose}`;
     const answer = await fetchDocument(`/api/v1/reviews?${query}`).catch(() => null);
-    if (!answer || !this.isShown || this.map.layer?.island !== island) return;
-    this.draw(answer);
+    if (!answer || this.map.layer?.island !== island) return;
+    const said = isWhole ? "{share} % of the ground of this part was reviewed." : "{share} % of the ground in view was reviewed.";
+    const [done, open] = [answer.reviewed.length, answer.missing.length];
+    this.told.textContent = done + open ? t(said, { share: Math.floor((100 * done) / (done + open)) }) : "";
+    this.tellReviewers(answer.reviewers);
+    if (this.isShown) this.draw(answer);
+  }
+
+  /** The whole part, or of a very large one what is in view. */
+  asked() {
+    const { bounds } = this.map.currentIsland();
+    const [left, top, right, bottom] = bounds;
+    const isWhole = ((right - left) / CELL) * ((bottom - top) / CELL) <= MOST_CELLS;
+    return { box: isWhole ? bounds : this.box(), isWhole };
   }
 
   /** @param {Api.Reviewed} answer */
-  draw({ cell, reviewed, missing, reviewers }) {
+  draw({ cell, missing }) {
     this.shade.clearLayers();
     const { renderer } = this;
     for (const [x, y] of missing) {
@@ -95,13 +108,10 @@ export class Reviews {
       const bounds = [corner, [corner[0] + cell.units, corner[1] + cell.units]];
       this.shade.addLayer(L.rectangle(bounds, { renderer, stroke: false, fillColor: "#30006b", fillOpacity: 0.45, interactive: false }));
     }
-    const [left, top, right, bottom] = this.box();
-    const isInView = ([x, y]) => {
-      const [across, down] = [x, y].map((index) => cell.units * (index + 0.5) - 2 ** 23);
-      return across > left && across < right && down > top && down < bottom;
-    };
-    const [done, open] = [reviewed, missing].map((cells) => cells.filter(isInView).length);
-    this.told.textContent = done + open ? t("{share} % of the ground in view was reviewed.", { share: Math.round((100 * done) / (done + open)) }) : "";
+  }
+
+  /** @param {readonly Api.Reviewer[]} reviewers */
+  tellReviewers(reviewers) {
     const names = [t("anybody"), ...reviewers.map(({ who: name }) => name)];
     if (this.whose.options.length === names.length) return;
     const chosen = this.whose.value;

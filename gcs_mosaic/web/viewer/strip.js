@@ -1,28 +1,72 @@
 // @ts-check
-// The status strip, the alarm, the notices and the empty map's text. It never shows old numbers as if they were new.
+// The line of state: one sentence, that which matters most; behind it a sheet with all that is known. The alarm, and the empty
+// map's text. It never shows old numbers as if they were new.
 // Red is kept for what must not be overlooked: that the page itself cannot be trusted. Losses are yellow.
 
 import { byId, element } from "/viewer/dom.js";
 import { ageOf } from "/viewer/server.js";
+import { written } from "/viewer/times.js";
 import { said, t } from "/viewer/words.js";
 
 const HUNG_AFTER_S = 8; // the daemon writes its status each two seconds or more often
 const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
-const NOTICES = 3;
+const NOTICES = 50;
+const WORST = ["error", "warning", "info"];
 
 /**
  * @param {{ mosaic: Api.Mosaic, newestFrame: unknown, status: Api.Status, hasEnded: boolean }} told
  * @param {import("/viewer/server.js").Connection} connection
  * @param {number} lagSeconds
- * @param {Api.Island} [island]
+ * @param {Api.Island} [island] the one in view
+ * @param {number} [gaps] on it
  */
-export function showStrip({ mosaic, newestFrame, status, hasEnded }, connection, lagSeconds, island) {
+export function showStrip({ mosaic, newestFrame, status, hasEnded }, connection, lagSeconds, island, gaps = 0) {
   const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf(status, mosaic, connection, lagSeconds);
-  showState(state);
+  const conditions = state.kind === "bad" ? [] : status?.conditions ?? [];
+  showState(withWorst(state, conditions));
+  showParts(mosaic, island, gaps);
   showCounts(status, mosaic, island);
-  showConditions(state.kind === "bad" ? [] : status?.conditions ?? []);
+  showConditions(conditions);
   showNotices(status?.notices ?? []);
   showEmpty(!mosaic?.islands.length && !newestFrame, status, state);
+}
+
+/** Let the line of state open and close the sheet behind it. */
+export function makeSheet() {
+  const [sheet, buttons] = [byId("sheet"), ["state", "chip"].map(byId)];
+  const open = (isOpen) => {
+    sheet.hidden = !isOpen;
+    for (const one of buttons) one.setAttribute("aria-expanded", String(isOpen));
+  };
+  for (const one of buttons) one.onclick = () => open(sheet.hidden);
+  document.addEventListener("keydown", ({ key }) => key === "Escape" && open(false));
+  byId("map").addEventListener("pointerdown", () => open(false));
+  // What lies at the foot of the map makes room for what is said there.
+  const texts = ["alarm", "farewell"].map(byId);
+  const makeRoom = () => byId("pane").style.setProperty("--told", `${Math.max(...texts.map(({ offsetHeight }) => offsetHeight))}px`);
+  const seen = new ResizeObserver(makeRoom);
+  for (const one of texts) seen.observe(one);
+}
+
+/** The state with the worst condition as its sentence: one thing is told, and once. */
+function withWorst(state, conditions) {
+  const worst = conditions.find(({ level }) => level === "error") ?? conditions.find(({ level }) => level === "warning");
+  if (!worst || state.kind === "bad" || state.kind === "calm") return state;
+  return { ...state, kind: worst.level === "error" ? "bad" : "warn", detail: said(worst.text) };
+}
+
+/** How much of all frames is in view: parts that are not shown are always in sight. */
+function showParts(mosaic, island, gaps) {
+  const parts = mosaic?.islands.filter((one) => one.merged_into === undefined) ?? [];
+  const all = parts.reduce((sum, { frames }) => sum + frames, 0);
+  const others = parts.length - 1;
+  const texts = others > 0 && island
+    ? [t("{n} of {all} frames here", { n: island.frames, all }), others === 1 ? t("1 more part") : t("{n} more parts", { n: others })]
+    : [frameCount(all)];
+  if (gaps) texts.push(gaps === 1 ? t("1 gap") : t("{n} gaps", { n: gaps }));
+  byId("parts").hidden = !all;
+  byId("parts").className = others > 0 ? "several" : "";
+  setText(byId("parts"), texts.join(", "));
 }
 
 /** How it has ended, if it has: well, in a crash, or because the page of an earlier flight is no longer served; else null. */
@@ -38,7 +82,7 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   if (!status) {
     return { kind: "calm", title: t("Saved flight"), detail: t("no longer served"), farewell: `${t("The page is no longer served.")} ${again}` };
   }
-  const time = clock(status.updated);
+  const time = written(status.updated);
   const crashed = t("gcs-mosaic has ended without finishing: it crashed or was killed.");
   const alarm = `${crashed} ${seenFrom(status.updated)} ${t("Start it again with the same words: the flight goes on by itself.")}`;
   return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
@@ -62,8 +106,8 @@ function stateOf(status, mosaic, connection, lagSeconds) {
     const alarm = t("The map is older than what gcs-mosaic has: its changes have not come for {time}.", { time });
     return { kind: "bad", title: t("Map is old"), detail: forTime(lagSeconds), alarm };
   }
-  if (!status) return mosaic ? { kind: "calm", title: t("Saved flight"), detail: clock(updated) } : nothingYet();
-  if (status.state === "stopped") return { kind: "calm", title: t("Flight ended"), detail: clock(updated) };
+  if (!status) return mosaic ? { kind: "calm", title: t("Saved flight"), detail: t("painted {time}", { time: written(updated) }) } : nothingYet();
+  if (status.state === "stopped") return { kind: "calm", title: t("Flight ended"), detail: t("painted {time}", { time: written(updated) }) };
   const age = ageOf(updated);
   if (age > HUNG_AFTER_S) {
     const alarm = `${t("gcs-mosaic has not shown a sign of life for {time}.", { time: duration(age) })} ${asOf}`;
@@ -86,7 +130,7 @@ function runningState({ state, frames_in_queue: queue, seconds_behind: behind, m
   const warning = trouble && { kind: "warn", detail: trouble };
   const texts = {
     listening: { kind: "wait", title: t("Listening"), detail: t("no frame yet") },
-    flying: { kind: behind > LATE_AFTER_S ? "warn" : "good", title: t("Flying"), detail: queued || t("frames arrive") },
+    flying: { kind: queue && behind > LATE_AFTER_S ? "warn" : "good", title: t("Flying"), detail: queued || t("frames arrive") },
     idle: { kind: "wait", title: t("Idle"), detail: last ? t("no frame for {time}", { time: duration(ageOf(last.time)) }) : "" },
     settling: { kind: "wait", title: t("Finishing"), detail: queued || t("painting the final map") },
   };
@@ -107,6 +151,7 @@ function showState({ kind, title, detail, alarm, farewell }) {
 function showCounts(status, mosaic, island) {
   const source = status ?? mosaic;
   const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
+  if (status && !status.mavlink?.length && !source.events.matched) drop(entries, t("Triggers matched"));
   entries.push(...linkCounts(status?.mavlink ?? []));
   const islands = mosaic?.islands.filter((one) => one.merged_into === undefined).length ?? 0;
   if (source) entries.push([t("Islands"), islands, islands > 1 ? "warn" : ""]);
@@ -115,10 +160,15 @@ function showCounts(status, mosaic, island) {
   byId("counts").replaceChildren(...entries.map(countOf));
 }
 
+function drop(entries, label) {
+  const at = entries.findIndex(([one]) => one === label);
+  if (at >= 0) entries.splice(at, 1);
+}
+
 /** @param {Api.FrameAccount} frames */
 function frameCounts({ placed, covered, waiting, rejected, damaged, dropped, unstitched }) {
   return [
-    [t("Frames placed"), placed, "good"],
+    [t("Frames placed"), placed, ""],
     ...(covered ? [[t("Covered"), covered, "", t("kept, but not painted: a placed frame shows all that they do")]] : []),
     [t("Waiting"), waiting, ""],
     [t("Rejected"), rejected, rejected ? "warn" : ""],
@@ -175,7 +225,7 @@ function fit({ median, p95, matches }) {
 
 /** @param {Api.Status} status */
 function lastFrame({ state, last_frame: last }) {
-  const when = state === "stopped" ? clock(last.time) : t("{time} ago", { time: duration(ageOf(last.time)) });
+  const when = state === "stopped" ? written(last.time) : t("{time} ago", { time: duration(ageOf(last.time)) });
   return [t("Last frame"), when, last.outcome === "rejected" ? "warn" : "", `${last.name}: ${last.reason ?? last.outcome}${last.covered_by ? ` by ${last.covered_by}` : ""}`];
 }
 
@@ -197,6 +247,14 @@ function showConditions(conditions) {
   const shown = conditions.map(({ level, text }) => `${level} ${text}`).join("\n");
   if (byId("conditions").dataset.shown === shown) return;
   byId("conditions").dataset.shown = shown;
+  const chip = byId("chip");
+  const count = conditions.length;
+  chip.hidden = !count;
+  chip.className = WORST.find((level) => conditions.some((one) => one.level === level)) ?? "";
+  const [number, more] = (count === 1 ? t("1 to see to") : t("{n} to see to", { n: count })).split(/(?<=^\S+)(?= )/);
+  chip.ariaLabel = `${number}${more ?? ""}`;
+  chip.replaceChildren(number, element("span", { className: "more", textContent: more ?? "" }));
+  byId("told").textContent = conditions.map(({ text }) => said(text)).join(" ");
   const lines = conditions.map(({ level, text }) => Object.assign(element("li", { textContent: said(text) }), { className: level }));
   byId("conditions").replaceChildren(...lines);
 }
@@ -205,11 +263,13 @@ function showConditions(conditions) {
 function showNotices(notices) {
   const newest = notices.slice(-NOTICES).reverse();
   const lines = newest.map(({ time, level, text }) => {
-    const line = element("li", { textContent: "" });
-    line.className = level;
-    line.append(element("time", { textContent: clock(time) }), element("span", { textContent: text }));
+    const line = element("li", { className: "" });
+    line.append(element("time", { textContent: written(time) }), element("span", { className: level, textContent: text }));
     return line;
   });
+  const shown = newest.map(({ time, text }) => `${time} ${text}`).join();
+  if (byId("notices").dataset.shown === shown) return; // who reads and scrolls is not disturbed
+  byId("notices").dataset.shown = shown;
   byId("notices").replaceChildren(...lines);
 }
 
@@ -251,7 +311,7 @@ function frameCount(n) {
 }
 
 function seenFrom(moment) {
-  return t("What you see is from {time}.", { time: clock(moment) });
+  return t("What you see is from {time}.", { time: written(moment) });
 }
 
 function forTime(seconds) {
@@ -262,11 +322,4 @@ function duration(seconds) {
   if (seconds < 120) return `${Math.round(seconds)} s`;
   if (seconds < 7200) return `${Math.round(seconds / 60)} min`;
   return `${Math.round(seconds / 3600)} h`;
-}
-
-/** The time of day on this device; with the date if that is another day. */
-function clock(moment) {
-  const then = new Date(moment);
-  const sameDay = then.toDateString() === new Date().toDateString();
-  return sameDay ? then.toLocaleTimeString("en-GB") : then.toLocaleString("en-GB");
 }

@@ -43,6 +43,7 @@ export const LiveTiles = GridLayer.extend({
 
   createTile(coords, done) {
     const holder = document.createElement("div");
+    holder.className = `on-its-way ${this.options.tileClass ?? ""}`;
     this.bring(holder, coords, () => done(null, holder));
     return holder;
   },
@@ -63,7 +64,7 @@ export const LiveTiles = GridLayer.extend({
     }
     if (this.coming.get(holder) !== wait) return; // a newer one was asked for, or the tile has gone
     this.coming.delete(holder);
-    holder.classList.remove("not-loaded");
+    holder.classList.remove("not-loaded", "on-its-way");
     holder.replaceChildren(image);
     onFirst?.();
     this.onShown();

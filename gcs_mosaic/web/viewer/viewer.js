@@ -11,6 +11,7 @@ import { Fleet } from "/viewer/fleet.js";
 import { FlightPath } from "/viewer/flightpath.js";
 import { Hints } from "/viewer/hints.js";
 import { Islands } from "/viewer/islands.js";
+import { Fresh } from "/viewer/fresh.js";
 import { forget, keep } from "/viewer/kept.js";
 import { listenForKeys } from "/viewer/keys.js";
 import { Lag, Live } from "/viewer/live.js";
@@ -19,26 +20,29 @@ import { MosaicMap } from "/viewer/map.js";
 import { Measure } from "/viewer/measure.js";
 import { Novelty } from "/viewer/novelty.js";
 import { Originals } from "/viewer/originals.js";
-import { makePanels } from "/viewer/panels.js";
+import { makePanels, togglePanel } from "/viewer/panels.js";
 import { Placements } from "/viewer/placements.js";
 import { Pointing } from "/viewer/pointing.js";
 import { Reviews } from "/viewer/reviews.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
-import { showStrip } from "/viewer/strip.js";
+import { makeSheet, showStrip } from "/viewer/strip.js";
 import { loadWords } from "/viewer/words.js";
 
 const STATUS_EVERY_MS = 1000;
+const NO_STATUS_EVERY_MS = 15000; // a saved flight has none
 const CLOCK_EVERY_MS = 1000;
 const MAP_EVERY_MS = 2000; // while changes are not told
 const LATE_S = 5; // then what was told must have been lost on the way
 
 await loadWords().catch(console.warn); // in English then
 makePanels();
+makeSheet();
+byId("parts").onclick = () => togglePanel("islands");
 listenForKeys();
 const connection = new Connection();
 const map = new MosaicMap();
 const placements = new Placements();
-const originals = new Originals();
+const originals = new Originals(() => mapRevision());
 new Look();
 byId("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen());
 const pointing = new Pointing(map, (island, x, y) => originals.ask(island, x, y));
@@ -50,18 +54,18 @@ new Elsewhere();
 const islands = new Islands(map);
 const fleet = new Fleet(map, placements, showFollowed);
 const flightPath = new FlightPath(map, placements, fleet);
-new Absent(map);
+const absent = new Absent(map);
 const novelty = new Novelty(map);
 new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
 originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
-const aircraft = new AircraftChoice(byId("aircraft"), byId("answer"));
+const aircraft = new AircraftChoice(byId("aircraft"));
 /** @type {{ mosaic: Api.Mosaic | null, newestFrame: Api.Placed | Api.Covered | null, status: Api.Status | null }} */
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
-let notesAt; // the map's revision at which the notes were read
+const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath]; // what follows the map
 
 /** Read mosaic.json and what is new of the frames; calls that come meanwhile lead to one more reading afterwards. */
 async function readMap() {
@@ -71,12 +75,13 @@ async function readMap() {
   while (readAgain) {
     readAgain = false;
     await connection.attempt(async () => {
-      const [mosaic] = await Promise.all([fetchDocument("/mosaic.json"), placements.read()]);
+      const mosaic = await fetchDocument("/mosaic.json");
+      await placements.read(mosaic?.revision);
       startAfreshForAnotherFlight(mosaic);
       known.mosaic = mosaic ?? known.mosaic;
+      byId("map").classList.remove("coming");
       showFollowed();
       show();
-      readNotes(known.mosaic?.revision);
     });
   }
   reading = false;
@@ -89,11 +94,9 @@ function showFollowed() {
   map.show(known.mosaic, known.newestFrame, (island) => placements.boundsOf(island));
 }
 
-/** Ask for what people have added, and where it lies now: when something was added, and when the map has moved. */
-async function readNotes(revision) {
-  if (revision !== undefined && revision === notesAt) return;
-  notesAt = revision;
-  for (const one of noted) await one.read();
+/** The newest that is known of the map. */
+function mapRevision() {
+  return Math.max(map.revision, known.mosaic?.revision ?? 0);
 }
 
 /** A daemon that was started again may write another flight: nothing on this page is true of it. */
@@ -103,8 +106,11 @@ function startAfreshForAnotherFlight(mosaic) {
   location.reload();
 }
 
+let noStatusUntil = 0;
+
 async function readStatus() {
-  await askStatus();
+  if (Date.now() >= noStatusUntil) await askStatus();
+  else await connection.attempt(() => fetchDocument("/mosaic.json")); // whether the server is there
   setTimeout(readStatus, STATUS_EVERY_MS);
 }
 
@@ -113,6 +119,7 @@ async function askStatus() {
     const status = await fetchDocument("/status.json");
     if (known.status && known.status.state !== status?.state) map.refreshAll();
     known.status = status ?? known.status;
+    if (!known.status && known.mosaic) noStatusUntil = Date.now() + NO_STATUS_EVERY_MS;
   });
   show();
 }
@@ -127,7 +134,9 @@ const live = new Live(
     readMap();
     askStatus();
   },
-  () => readNotes(),
+  () => {
+    for (const one of noted) one.read(); // somebody has added something
+  },
 );
 
 /** Ask for what nobody tells: the map must not stand still in silence. */
@@ -150,11 +159,13 @@ function show() {
   fleet.show(known.status);
   aircraft.show(known.status);
   for (const one of noted) one.follow();
+  for (const one of fresh) one.follow(mapRevision());
   islands.show();
   flightPath.show();
-  showStrip({ ...known, hasEnded: live.hasEnded }, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined);
+  showStrip({ ...known, hasEnded: live.hasEnded }, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined, map.layers.gaps);
 }
 
+document.documentElement.dataset.begun = "1";
 keep();
 readMap();
 readStatus();

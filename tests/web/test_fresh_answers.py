@@ -1,0 +1,143 @@
+"""What the page tells of places follows the map: in a real browser, beside a server that comes to know new frames late."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.render.tile_grid import Tile
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.views import coverage, flight_view
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.feed import Feed
+from gcs_mosaic.web.server import WebServer
+from tests.factories import frame
+from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.seen_flight import CAMERA, HOLE, seen_flight
+from tests.web.small_flight import BLUE, MIDDLE, SmallFlight
+
+pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
+
+LATE_S = 2.0  # for which the server answers from what it read before
+GAPS = "document.querySelectorAll('#map path[stroke-dasharray]').length"
+ASKED = "performance.getEntriesByType('resource').filter(({ name }) => name.includes('/gaps')).length"
+TITLE = "document.getElementById('originals-title').innerText"
+OPEN = "!document.getElementById('originals').hidden"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
+        opened.resize(1280, 800)
+        yield opened
+
+
+@pytest.fixture
+def feed() -> Feed:
+    return Feed()
+
+
+@pytest.fixture
+def flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SmallFlight:
+    """Whose server reads it anew after two seconds only, however little that costs."""
+    for name in ("LEAST_REST_S", "MOST_REST_S"):
+        monkeypatch.setattr(flight_view, name, LATE_S)
+        monkeypatch.setattr(coverage, name, 0.0)
+    return seen_flight(tmp_path)
+
+
+@pytest.fixture
+def url(flight: SmallFlight, page: Page, feed: Feed) -> Iterator[str]:
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), feed)
+    yield server.start()
+    page.open("about:blank")
+    server.stop()
+
+
+def fill_the_hole(flight: SmallFlight, feed: Feed) -> None:
+    """The frame that was missing is painted: one revision, and nothing after it."""
+    x, y = HOLE[0] * 200.0, HOLE[1] * 150.0
+    with Ledger(flight.root / LEDGER_NAME) as ledger:
+        ledger.record_frame(frame("late.jpg", modified=1.7e9))
+        ledger.record_size("late.jpg", CAMERA.width, CAMERA.height, 0.2)
+        ledger.record_painted(RenderItem(name="late.jpg", order=99, island=0, pose=Pose(x, y), camera=CAMERA, level=16))
+    flight.place("late.jpg", x, y)
+    tile = Tile(16, MIDDLE + 1, MIDDLE)
+    flight.paint(tile, BLUE)
+    feed.publish(flight.write(), [(0, tile)])
+
+
+def test_a_gap_that_was_filled_goes_without_another_change(
+    page: Page, url: str, flight: SmallFlight, feed: Feed
+) -> None:
+    page.open(url)
+    page.wait_for(f"{GAPS} === 1")
+    time.sleep(0.1)
+    page.evaluate("fetch('/api/v1/islands/0/gaps').then((answer) => answer.text())")  # has just been read
+    fill_the_hole(flight, feed)
+    page.wait_for(f"{GAPS} === 0", LATE_S + 2.0)
+    asked = page.evaluate(ASKED)
+    time.sleep(2.0)
+    assert page.evaluate(ASKED) == asked  # what is as new as the map is not asked for again
+
+
+def test_a_layer_follows_the_map(page: Page, url: str, flight: SmallFlight, feed: Feed) -> None:
+    page.open(url)
+    page.wait_for("document.getElementById('layer').options.length > 1")
+    page.evaluate(
+        "(s => { s.value = 'looks'; s.dispatchEvent(new Event('change')); })(document.getElementById('layer'))"
+    )
+    page.wait_for("[...document.querySelectorAll('.layer-tile.leaflet-tile-loaded')].length > 0")
+    fill_the_hole(flight, feed)
+    revision = flight.manifest.revision
+    page.wait_for(
+        f"[...document.querySelectorAll('.layer-tile img')].some(({{ src }}) => src.endsWith('?r={revision}'))",
+        LATE_S + 2.0,
+    )
+
+
+def click_in_the_hole(page: Page) -> None:
+    place = page.evaluate("""(() => {
+      const box = document.querySelector("#map path[stroke-dasharray]").getBoundingClientRect();
+      return [box.left + box.width / 2, box.top + box.height / 2];
+    })()""")
+    for kind in ("mousePressed", "mouseReleased"):
+        page.command("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", clickCount=1)
+
+
+def test_a_click_on_ground_that_was_painted_a_moment_ago_opens_its_frame(
+    page: Page, url: str, flight: SmallFlight, feed: Feed
+) -> None:
+    page.open(url)
+    page.wait_for(f"{GAPS} === 1")
+    page.evaluate("fetch('/api/v1/islands/0/gaps').then((answer) => answer.text())")
+    fill_the_hole(flight, feed)
+    page.wait_for("[...document.querySelectorAll('.leaflet-tile img')].some(({ src }) => src.includes('?r=2'))")
+    click_in_the_hole(page)
+    page.wait_for(f"{OPEN} && {TITLE}.includes('late.jpg')", LATE_S + 2.0)
+
+
+def test_where_nobody_looked_the_map_stays_in_sight(page: Page, url: str) -> None:
+    page.open(url)
+    page.wait_for(f"{GAPS} === 1")
+    click_in_the_hole(page)
+    page.wait_for("document.getElementById('answer').innerText === 'No frame saw this place.'")
+    assert not page.evaluate(OPEN)
+
+
+def test_gaps_that_are_older_than_the_map_are_said_to_be(page: Page, url: str, flight: SmallFlight, feed: Feed) -> None:
+    """As long as the server does not get to reading the flight."""
+    page.open(url)
+    page.wait_for(f"{GAPS} === 1")
+    (flight.root / LEDGER_NAME).rename(flight.root / "away.sqlite")
+    flight.paint(Tile(16, MIDDLE, MIDDLE), BLUE)
+    feed.publish(flight.write(), [(0, Tile(16, MIDDLE, MIDDLE))])
+    page.wait_for("document.getElementById('gaps').textContent === 'Gaps: 1 (older than the map)'", 8.0)
+    (flight.root / "away.sqlite").rename(flight.root / LEDGER_NAME)
+    page.wait_for("document.getElementById('gaps').textContent === 'Gaps: 1'", 10.0)
