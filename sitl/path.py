@@ -132,7 +132,32 @@ def oblique(lens: Lens, plan: Plan) -> list[Station]:
     return stations
 
 
-SCENARIOS: dict[str, Route] = {"survey": survey, "climb": climb, "lost": lost, "oblique": oblique}
+def line(lens: Lens, plan: Plan) -> list[Station]:
+    """North along one line, as close as the forward overlap says."""
+    step, _ = steps(lens, plan)
+    south = (plan.frames - 1) / 2 * step
+    return [Station(x=0.0, y=south - k * step, height=plan.height, course=0.0) for k in range(plan.frames)]
+
+
+def circle(lens: Lens, plan: Plan) -> list[Station]:
+    """Once around the middle, which every picture shows: a quarter of a picture's shorter side away from it."""
+    radius = min(lens.footprint(plan.height)) / 4
+    turns = np.arange(plan.frames) / plan.frames * 2 * np.pi
+    places = radius * np.stack([np.sin(turns), -np.cos(turns)], axis=-1)
+    return [
+        Station(x=float(x), y=float(y), height=plan.height, course=float(turn + np.pi / 2))
+        for (x, y), turn in zip(places, turns, strict=True)
+    ]
+
+
+SCENARIOS: dict[str, Route] = {
+    "survey": survey,
+    "climb": climb,
+    "lost": lost,
+    "oblique": oblique,
+    "line": line,
+    "circle": circle,
+}
 
 
 def blown(route: list[Station], plan: Plan) -> list[CameraState]:
