@@ -2,7 +2,8 @@
 
 RX (Reed and Yu, IEEE Trans. ASSP 38(10), 1990; on integrals: Nathan, Kurmi and Bimber, Remote Sensing 15(18), 2023): the
 Mahalanobis distance of a pixel to the mean of the square around it, by the covariance of the whole picture. Noise falls with the
-number of looks, which differs from pixel to pixel, so the distance is taken relative to that.
+number of looks, which differs from pixel to pixel, so the distance is taken relative to that. Of a single band, as of a thermal
+camera, only what is brighter than its surroundings counts: beneath a canopy people are warmer than what is around them.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ def oddity(values: FloatImage, looks: Matrix) -> FloatImage:
     some = local[known]
     covariance = some.T @ some / len(some) + 1e-6 * np.eye(some.shape[1], dtype=np.float32)
     whitened = local @ np.linalg.inv(np.linalg.cholesky(covariance)).T.astype(np.float32)
+    if whitened.shape[2] == 1:
+        return np.where(known, np.maximum(whitened[..., 0], 0), 0).astype(np.float32)
     return np.where(known, np.sqrt((whitened * whitened).sum(axis=2)), 0).astype(np.float32)
 
 

@@ -46,7 +46,10 @@ TAKEN = {5: {0}, 10: {0, 3}, 20: {0, 1, 3, 4}, 30: {0, 1, 2, 3, 4, 5}}
 BLOCK, BLOCKS, MARGIN = 25.0, 4, 3.5  # metres: a hectare in blocks, each with a margin for the surroundings
 APART = 20.0  # metres between people
 LYING, SITTING = (1.7, 0.5), (0.6, 0.6)
-HOT = (225.0, 225.0, 225.0)
+# The thermal camera shows a quarter of the light as warmth, of the floor, which lies in the shade of the leaves, a third of that.
+# People are warmer than the floor by 210 levels of light, some six standard deviations of the leaves' warmth (35 levels).
+EVEN = 1 / 3
+HOT = (330.0, 330.0, 330.0)
 NEAR = 1.2  # metres between a hint and the person that it is of
 MIDDLE, INNER, OUTER = 0.25, 1.3, 3.0  # metres: radii of what is taken for a person, and of the ring around
 THERMAL = ThermalCamera(writing=False, spots=0, rim=0.0)
@@ -85,7 +88,12 @@ def planned(hidden: float, seed: int, kind: str) -> sitl.flight.Flight:
     """The flight, not yet rendered."""
     route = Plan(frames=FRAMES, height=HEIGHT, speed=8.0, **OVERLAP)
     flight = sitl.flight.plan("survey", SIZE, seed=seed, ground="floor", leaves=hidden, world_size=2048, route=route)
-    return replace(flight, scene=replace(flight.scene, targets=people(seed, kind)))
+    world = flight.scene.world
+    if kind == "thermal":
+        middle = np.mean(world.levels[-1])
+        levels = [np.clip(middle + EVEN * (one - middle) + 0.5, 0, 255).astype(np.uint8) for one in world.levels]
+        world = replace(world, levels=tuple(levels))
+    return replace(flight, scene=replace(flight.scene, world=world, targets=people(seed, kind)))
 
 
 def people(seed: int, kind: str) -> tuple[Target, ...]:
@@ -180,8 +188,7 @@ def pictures(flight: sitl.flight.Flight, kind: str) -> list[Floats]:
     found = []
     for index, state in enumerate(flight.states):
         if kind == "thermal":
-            light = np.clip(flight.scene.light(state), 0, 255)
-            found.append(THERMAL.picture(light, index)[..., None].astype(np.float32))
+            found.append(THERMAL.picture(flight.scene.light(state), index)[..., None].astype(np.float32))
         else:
             found.append(flight.scene.picture(state, index).astype(np.float32))
     return found
