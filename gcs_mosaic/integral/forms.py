@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import cv2
 import numpy as np
 
 from gcs_mosaic.integral.stack import LookStack
@@ -25,7 +26,11 @@ def looks_of(stack: LookStack) -> Matrix:
 def mean(stack: LookStack) -> FloatImage:
     """(h, w, bands); NaN where fewer than LEAST_LOOKS looks see a pixel, as of all forms."""
     count = looks_of(stack)[..., None]
-    total = np.nansum(stack.values, axis=0, dtype=np.float32)
+    total = np.zeros(stack.values.shape[1:], np.float32)
+    for one in stack.values:  # several times as fast as nansum
+        known = one.copy()
+        cv2.patchNaNs(known, 0.0)
+        total += known
     return _where_known(stack, total / np.maximum(count, 1))
 
 

@@ -91,40 +91,37 @@ def laid_together(looks: Sequence[Look], window: GroundWindow, height: float) ->
 
 def laid(look: Look, window: GroundWindow, height: float) -> FloatImage | None:
     """(cells, cells, bands) of one look, NaN where it sees nothing; None if it sees nothing at all."""
-    pixels = _pixels(look, window, height)
-    seen = _seen(look, pixels)
+    at = _places(look, window, height)
+    seen = _seen(look, at)
     if not seen.any():
         return None
-    edges = (pixels + np.float32(0.5) - np.array([look.left, look.top], np.float32)) / np.float32(look.reduction)
-    at = np.where(seen[..., None], edges - np.float32(0.5), np.float32(NOWHERE))
+    cv2.patchNaNs(at, NOWHERE)
     found = cv2.remap(look.image, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
     values = np.asarray(found, np.float32).reshape(window.cells, window.cells, -1)
-    values[~seen] = np.nan
+    if not seen.all():
+        values[~seen] = np.nan
     return values
 
 
-def _pixels(look: Look, window: GroundWindow, height: float) -> Lattice:
-    """Pixels (cells, cells, 2) of the look's frame at the window's pixels."""
+def _places(look: Look, window: GroundWindow, height: float) -> Lattice:
+    """Pixels (cells, cells, 2) of the look's image at the window's pixels; NaN where its lens cannot see them."""
     places, count = window.lattice()
-    exact = pixels_at(look.pose, look.camera, look.relief, places, height).astype(np.float32).reshape(count, count, 2)
+    pixels = pixels_at(look.pose, look.camera, look.relief, places, height)
+    exact = ((pixels + 0.5 - [look.left, look.top]) / look.reduction - 0.5).astype(np.float32).reshape(count, count, 2)
     size = count * STEP  # resizing puts a value at the middle of its block, so half a block is beyond the rim
     wide = cv2.resize(exact, (size, size), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(wide[STEP // 2 :, STEP // 2 :][: window.cells, : window.cells])
+    return np.ascontiguousarray(wide[STEP // 2 :, STEP // 2 :][: window.cells, : window.cells], np.float32)
 
 
-def _seen(look: Look, pixels: Lattice) -> Mask:
-    """Where the frame, and what of it is in memory, shows something (h, w)."""
-    (left, top), (right, bottom) = look.dead.limits(look.camera.width, look.camera.height)
-    height, width = look.image.shape[:2]
-    low = max(left, look.left - 0.5), max(top, look.top - 0.5)
-    high = (
-        min(right, look.left + width * look.reduction - 0.5),
-        min(bottom, look.top + height * look.reduction - 0.5),
-    )
-    with np.errstate(invalid="ignore"):
-        seen: Mask = ((pixels > np.float32(low)) & (pixels < np.float32(high))).all(axis=2)
+def _seen(look: Look, at: Lattice) -> Mask:
+    """Where the frame, and what of it is in memory, shows something (h, w), by pixels of the image (h, w, 2)."""
+    low, high = look.dead.limits(look.camera.width, look.camera.height)
+    corner, rows_columns = np.array([look.left, look.top]), look.image.shape[:2]
+    least = np.maximum((np.array(low) + 0.5 - corner) / look.reduction - 0.5, -0.5)
+    most = np.minimum((np.array(high) + 0.5 - corner) / look.reduction - 0.5, np.array(rows_columns[::-1]) - 0.5)
+    seen = np.asarray(cv2.inRange(at, tuple(least.tolist()), tuple(most.tolist())) > 0)
     if look.still is not None and seen.any():
         rows, columns = np.nonzero(seen)
-        hidden = look.still.covers(pixels[rows, columns], look.camera.width, look.camera.height)
-        seen[rows[hidden], columns[hidden]] = False
+        pixels = (at[rows, columns] + 0.5) * look.reduction + corner - 0.5
+        seen[rows, columns] = ~look.still.covers(pixels, look.camera.width, look.camera.height)
     return seen
