@@ -225,6 +225,11 @@ class TileCompositor(Kept):
         """Number of tiles waiting for `repaint`."""
         return len(self._behind.keys() | self._due.keys() | self._unhosted)
 
+    @property
+    def is_at_work(self) -> bool:
+        """Whether `repaint_step` is in the midst of some tiles."""
+        return self._work is not None
+
     def repaint(self, block: int = BLOCK) -> Iterator[set[TileKey]]:
         """Repaint all stale tiles, one frame's work at a time; yields tiles that may have changed.
 

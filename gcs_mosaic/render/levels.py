@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,15 @@ from gcs_mosaic.stitch.transaction import Kept
 # Share of an island's frames finer than the one its level is chosen for: a level finer than needed costs four times the pixels,
 # and a flight begins with a climb.
 FINER = 0.75
+# Of a frame, painted at first: more than a screen shows of it, and a fraction of a second's work.
+FIRST_PIXELS = 4_000_000
+
+
+def coarser_at_first(painted: RenderItem) -> RenderItem:
+    """A frame at the level at which a new one is painted: the finest, up to its own, at which it has about `FIRST_PIXELS`."""
+    beyond = painted.camera.width * painted.camera.height / FIRST_PIXELS
+    coarser = max(0, math.ceil(math.log(beyond, 4)))
+    return replace(painted, level=max(0, painted.level - coarser))
 
 
 class PaintingLevels(Kept):

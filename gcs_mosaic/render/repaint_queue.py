@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -17,7 +18,7 @@ from gcs_mosaic.render.compositor import BLOCK, CompositorSettings, TileComposit
 from gcs_mosaic.render.displacement import displacement
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.exposure import ExposureSettings
-from gcs_mosaic.render.levels import PaintingLevels
+from gcs_mosaic.render.levels import PaintingLevels, coarser_at_first
 from gcs_mosaic.render.render_list import RenderItem, TileKey, brightness_apart
 from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
@@ -33,7 +34,13 @@ CHECKED_AT_ONCE = 64  # frames whose displacement is checked between two new fra
 MOVED_AT_ONCE = 2  # frames whose tiles are recomputed between two new frames: a tenth of a second each at 12 MP
 MOVED_TOGETHER = 8  # at the end, computed in parallel
 OVERLAY_DIFFERS = 0.03  # of a frame: less is its outline, for which not all frames are repainted
-LIVE_BLOCK = 12  # tiles a side repainted together during a flight: writing them delays a new frame by 0.2 s
+SHARPENED_TOGETHER = 4  # of overlapping frames: one by one, the ground that they share would be painted as often
+NEWER = 4  # frames that stay coarse while there are newer ones: what they show is still changed by the next
+BLURRED_PX = 4.0  # displacement of a frame that is as bad as a coarse one: what looks worse is mended first
+PAUSE_S = 3.0  # without a new frame: then fewer are sharpened too
+LIVE_BLOCK = (
+    8  # tiles a side repainted together during a flight: fewer share frames, more are seldom done before the next frame
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,11 +79,12 @@ class Step:
 class RepaintQueue(Kept):
     """The queue of what is to be painted on a canvas, which it closes.
 
+    A large frame is painted coarsely at first, so that its ground is on the map soon, and sharpened together with the next ones.
     `record(painted)` is called whenever a frame is painted or is to be repainted, before its tiles change. If not `live`, new
     frames wait for repainting.
     """
 
-    FIXED = frozenset({"_record"})
+    FIXED = frozenset({"_record", "_newest_s"})  # the latter by a clock that begins anew with each start
 
     def __init__(
         self,
@@ -98,6 +106,8 @@ class RepaintQueue(Kept):
         self._overlays: dict[Camera, StillMask] = {}
         self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
         self._changed: dict[str, float] = {}  # frames the canvas is to be told of, with their urgency
+        self._coarse: dict[str, None] = {}  # frames painted coarsely at first, to be sharpened
+        self._newest_s = -PAUSE_S  # when the newest frame was painted
         self._rimmed: dict[str, None] = {}  # frames painted with an outdated dead border, overlay or display
         self._unchecked: dict[str, Placement] = {}  # present placements of frames that may have moved
         # Frames displaced too far, with their displacement in their own pixels.
@@ -120,7 +130,8 @@ class RepaintQueue(Kept):
     @property
     def has_repaints(self) -> bool:
         """Whether some frames are, or may be, displaced from where they are painted by more than the tolerance."""
-        return bool(self._unchecked or self._stale or self._rimmed or self._changed) or self.canvas.behind > 0
+        waiting = self._unchecked or self._stale or self._rimmed or self._changed or self._coarse
+        return bool(waiting) or self.canvas.behind > 0
 
     @property
     def shows_old_range(self) -> bool:
@@ -163,12 +174,21 @@ class RepaintQueue(Kept):
         beside = [replace(one, display=self._ranges.of(one)) for one in beside]
         bright = self._brightness.settled(new, thumbnail, beside, placement.aircraft)
         painted = self._levels.settled(bright)
-        self._note(painted)
         if self._live:
-            return self.canvas.paint(image, painted, hastily=True)
+            return self.canvas.paint(image, self._note_first(painted), hastily=True)
+        self._note(painted)
         self.canvas.look(image, painted)
         self._changed[painted.name] = 0.0
         return set()
+
+    def _note_first(self, painted: RenderItem) -> RenderItem:
+        """How a frame is painted at first: coarsely, if it is large."""
+        self._newest_s = time.monotonic()
+        first = coarser_at_first(painted)
+        if first != painted:
+            self._coarse[painted.name] = None
+        self._note(first)
+        return first
 
     def follow(self, placements: Iterable[Placement]) -> None:
         """Take note of new placements of painted frames; `repaint_some` handles them."""
@@ -177,7 +197,7 @@ class RepaintQueue(Kept):
     def take_away(self, name: str) -> None:
         """Paint a frame no more; its tiles become stale."""
         waiting: list[dict[str, Any]] = [self._painted, self._changed, self._rimmed, self._unchecked, self._stale]
-        for queue in waiting:
+        for queue in (*waiting, self._coarse):
             queue.pop(name, None)
         for part in (self._ranges, self._levels, self._brightness):
             part.forget(name)
@@ -200,16 +220,25 @@ class RepaintQueue(Kept):
             yield set[TileKey]().union(*[step.do() for step in steps])
 
     def next_steps(self) -> list[Step]:
-        """The next work of `repaint_some`, in independent steps."""
+        """The next work of `repaint_some`, in independent steps.
+
+        Tiles in the making are finished first: any frame that moves under them would undo what was done.
+        """
+        if self.canvas.is_at_work:
+            return [self._tiles_step(LIVE_BLOCK)]
         if self._unchecked:
             names = islice(self._unchecked, CHECKED_AT_ONCE)
             return [self._step(name, partial(self._check, name), self._unchecked) for name in names]
         if self._rimmed:
             names = islice(self._rimmed, MOVED_AT_ONCE)
             return [self._step(name, partial(self._rim, name), self._rimmed) for name in names]
-        if self._stale:
-            most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
+        blurred = self._to_be_sharpened()
+        most = heapq.nlargest(MOVED_AT_ONCE, self._stale, key=lambda name: self._stale[name][0])
+        if most and (not blurred or self._stale[most[0]][0] > BLURRED_PX):
             return [self._step(name, partial(self._move_stale, name), self._stale) for name in most]
+        if blurred:
+            self.canvas.expect([self._painted[name] for name in blurred])
+            return [self._step(name, partial(self._sharpen, name), self._coarse) for name in blurred]
         self._refitted = self.shows_old_range
         return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
 
@@ -261,6 +290,22 @@ class RepaintQueue(Kept):
         self._move(placement, off_px)
         self._carry_over(name)
 
+    def _to_be_sharpened(self) -> list[str]:
+        """The next of the frames that were painted coarsely, if they are due."""
+        is_pause = time.monotonic() - self._newest_s > PAUSE_S
+        are_due = is_pause or len(self._coarse) >= SHARPENED_TOGETHER + NEWER
+        return list(islice(self._coarse, SHARPENED_TOGETHER)) if are_due else []
+
+    def _sharpen(self, name: str) -> None:
+        """Paint a frame at its own level, and where it belongs."""
+        del self._coarse[name]
+        off_px, placement = self._stale.pop(name, (0.0, None))
+        if placement is None:
+            self._change(self._levels.settled(self._painted[name]), BLURRED_PX)
+        else:
+            self._move(placement, max(off_px, BLURRED_PX))
+        self._carry_over(name)
+
     def _take_final_looks(self) -> set[TileKey]:
         self._forget_moves()
         present = dict(self._painted)
@@ -290,6 +335,7 @@ class RepaintQueue(Kept):
         self._unchecked.clear()
         self._stale.clear()
         self._rimmed.clear()
+        self._coarse.clear()
 
     def _move_finally(self, placement: Placement) -> set[TileKey]:
         if placement.name in self._painted:
@@ -308,7 +354,8 @@ class RepaintQueue(Kept):
         painted = self._painted[placement.name]
         pose, camera = reduced_view(placement.pose, placement.camera, painted.camera.width, painted.camera.height)
         moved = replace(painted, island=placement.island, pose=pose, camera=camera, relief=placement.relief)
-        self._change(self._levels.settled(moved), off_px)
+        settled = self._levels.settled(moved)
+        self._change(coarser_at_first(settled) if placement.name in self._coarse else settled, off_px)
 
     def _change(self, painted: RenderItem, urgency: float = 0.0) -> None:
         self._note(painted)

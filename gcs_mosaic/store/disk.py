@@ -44,18 +44,19 @@ def telling_disk_full(path: Path) -> Iterator[None]:
         raise DiskFull(f"the disk is full, {path} could not be written: free some space, then it goes on") from error
 
 
-def make_folder(path: Path, root: Path, *, durable: bool = False) -> None:
+def make_folder(path: Path, root: inside.Root, *, durable: bool = False) -> None:
     """Make a folder below `root` and its parents up to there; `durable` as in `write_beside`. Raises DiskFull, and
     FileNotFoundError without a `root`: below a lost mount there would be another disk."""
+    whole = inside.path_of(root)
     with telling_disk_full(path):
-        if not root.is_dir():
-            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(root))
+        if not whole.is_dir():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(whole))
         for made in inside.make_folder(path, root):
             if durable:
                 sync_folder(made.parent)
 
 
-def write_beside(path: Path, data: bytes, *, durable: bool = False, root: Path | None = None) -> None:
+def write_beside(path: Path, data: bytes, *, durable: bool = False, root: inside.Root | None = None) -> None:
     """Write `data` to `path` atomically: a reader sees the old file or the new one, never a partial one.
 
     `durable`: survives a power cut, at the cost of a sync: milliseconds, on a memory card up to seconds. A killed process
@@ -81,11 +82,17 @@ def write_beside(path: Path, data: bytes, *, durable: bool = False, root: Path |
         raise
 
 
-def _begun(beside: Path, root: Path) -> BinaryIO:
+def _begun(beside: Path, root: inside.Root) -> BinaryIO:
     """A new file; what is in its place and no file of ours (a link, a pipe) makes way."""
-    if not inside.is_file(beside, root):
+    new = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+    try:
+        opened = inside.descriptor(beside, root, new)
+    except OSError:
+        if inside.status(beside, root) is None or inside.is_file(beside, root):
+            raise
         inside.remove(beside, root)
-    return os.fdopen(inside.descriptor(beside, root, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), "wb")
+        opened = inside.descriptor(beside, root, new)
+    return os.fdopen(opened, "wb")
 
 
 def identity_of(path: Path) -> tuple[int, int] | None:
@@ -96,7 +103,7 @@ def identity_of(path: Path) -> tuple[int, int] | None:
     return None
 
 
-def sync_file(path: Path, root: Path | None = None) -> None:
+def sync_file(path: Path, root: inside.Root | None = None) -> None:
     """Wait until a file's content has reached the disk; `root` as in `write_beside`."""
     with inside.reading(path, root or path.parent) as file:
         os.fsync(file.fileno())

@@ -11,6 +11,7 @@ import errno
 import os
 import shutil
 import stat
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -25,7 +26,49 @@ MB = 10**6
 LARGEST_FILE = 4000 * MB  # bytes that are read into memory at most; originals of one frame are smaller
 HOLES_FROM = 64 * MB  # size from which a file is looked at for holes
 LEAST_FILLED = 1 / 64  # share of it that lies on the disk; compressing file systems need a tenth or more
+MOST_OPEN = 256  # folders kept open by one `OpenRoot`
 DEEPEST = 64  # folders below the root that are looked into; names of originals have 16 parts at most
+
+
+class OpenRoot:
+    """A root whose inner folders stay open between uses, until `close`: for many files in a few folders, of which opening the way
+    to each takes longer than writing it. For any thread.
+
+    A folder that is moved or replaced meanwhile is used where it went; one that is gone is a FileNotFoundError until
+    `make_folder` has made it anew. So it is meant for moments.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        self._open: dict[tuple[str, ...], int] = {}
+        self._left: list[int] = []  # folders no longer used for what begins, but perhaps for what has begun
+
+    def folder(self, parts: tuple[str, ...]) -> int | None:
+        """The open folder of these parts below the root; None if none more may stay open. Raises OSError."""
+        with self._lock:
+            if parts not in self._open and len(self._open) + len(self._left) < MOST_OPEN:
+                self._open[parts] = _opened(self.path, parts)
+            return self._open.get(parts)
+
+    def forget(self) -> None:
+        """Open all folders anew."""
+        with self._lock:
+            self._left += self._open.values()
+            self._open.clear()
+
+    def close(self) -> None:
+        """To be called when no thread uses it any more."""
+        self.forget()
+        while self._left:
+            os.close(self._left.pop())
+
+
+Root = Path | OpenRoot
+
+
+def path_of(root: Root) -> Path:
+    return root.path if isinstance(root, OpenRoot) else root
 
 
 def read(path: Path, root: Path, most: int = LARGEST_FILE) -> bytes:
@@ -46,12 +89,12 @@ def read_given(path: Path, most: int = LARGEST_FILE) -> bytes:
     return read(whole, whole.parent, most)
 
 
-def reading(path: Path, root: Path) -> BinaryIO:
+def reading(path: Path, root: Root) -> BinaryIO:
     """The open file. Raises OSError."""
     return os.fdopen(descriptor(path, root, os.O_RDONLY), "rb")
 
 
-def descriptor(path: Path, root: Path, flags: int, mode: int = 0o666) -> int:
+def descriptor(path: Path, root: Root, flags: int, mode: int = 0o666) -> int:
     """As `os.open`. Raises OSError."""
     with _above(path, root) as (name, folder):
         opened = os.open(name, flags | NO_LINK | AT_ONCE | BINARY, mode, dir_fd=folder)
@@ -64,7 +107,7 @@ def descriptor(path: Path, root: Path, flags: int, mode: int = 0o666) -> int:
     return opened
 
 
-def status(path: Path, root: Path) -> os.stat_result | None:
+def status(path: Path, root: Root) -> os.stat_result | None:
     """Of what lies there, links themselves included; None if nothing can be reached."""
     try:
         with _above(path, root) as (name, folder):
@@ -79,13 +122,13 @@ def is_mostly_holes(found: os.stat_result) -> bool:
     return blocks is not None and found.st_size > HOLES_FROM and blocks * 512 < found.st_size * LEAST_FILLED
 
 
-def is_file(path: Path, root: Path) -> bool:
+def is_file(path: Path, root: Root) -> bool:
     """Whether a regular file lies there."""
     found = status(path, root)
     return found is not None and stat.S_ISREG(found.st_mode)
 
 
-def is_folder(path: Path, root: Path) -> bool:
+def is_folder(path: Path, root: Root) -> bool:
     """Whether a folder, not a link to one, lies there."""
     found = status(path, root)
     return found is not None and stat.S_ISDIR(found.st_mode)
@@ -96,13 +139,13 @@ def exists(path: Path, root: Path) -> bool:
     return status(path, root) is not None
 
 
-def remove(path: Path, root: Path) -> None:
+def remove(path: Path, root: Root) -> None:
     """Remove a file, or a link itself; nothing is done where there is none. Raises OSError."""
     with suppress(FileNotFoundError), _above(path, root) as (name, folder):
         os.unlink(name, dir_fd=folder)
 
 
-def move(source: Path, target: Path, root: Path) -> None:
+def move(source: Path, target: Path, root: Root) -> None:
     """Rename within the folder, as `os.replace`. Raises OSError."""
     with _above(source, root) as (old, here), _above(target, root) as (new, there):
         os.replace(old, new, src_dir_fd=here, dst_dir_fd=there)
@@ -114,8 +157,11 @@ def link(source: Path, target: Path, root: Path) -> None:
         os.link(source, name, dst_dir_fd=folder)
 
 
-def make_folder(path: Path, root: Path) -> list[Path]:
+def make_folder(path: Path, root: Root) -> list[Path]:
     """Make a folder and those above it up to the root; returns those that were made. Raises OSError."""
+    if isinstance(root, OpenRoot):
+        root.forget()
+        root = root.path
     missing = [one for one in (path, *path.parents) if one != root and one.is_relative_to(root)]
     made: list[Path] = []
     for one in reversed(missing):
@@ -178,28 +224,48 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
 
 
 @contextmanager
-def _above(path: Path, root: Path) -> Iterator[tuple[str, int | None]]:
+def _above(path: Path, root: Root) -> Iterator[tuple[str, int | None]]:
     """How to name a file to the system: its name and the open folder above it. Raises OSError where the way leads through a link
     or out of the root."""
+    kept, root = (root if isinstance(root, OpenRoot) else None), path_of(root)
+    parts = _parts(path, root)
+    if not BY_FOLDER:
+        _refuse_links(root, parts)
+        yield str(path), None
+        return
+    folder = None if kept is None else kept.folder(parts[:-1])
+    if folder is not None:
+        yield parts[-1], folder
+        return
+    folder = _opened(root, parts[:-1])
+    try:
+        yield parts[-1], folder
+    finally:
+        os.close(folder)
+
+
+def _parts(path: Path, root: Path) -> tuple[str, ...]:
     try:
         parts = path.relative_to(root).parts
     except ValueError:
         raise FileNotFoundError(errno.ENOENT, f"not below {root}", str(path)) from None
     if not parts or ".." in parts or any("\0" in part for part in parts):
         raise FileNotFoundError(errno.ENOENT, f"no name below {root}", str(path))
-    if not BY_FOLDER:
-        _refuse_links(root, parts)
-        yield str(path), None
-        return
+    return parts
+
+
+def _opened(root: Path, parts: tuple[str, ...]) -> int:
+    """An inner folder, reached without following a link. To be closed."""
     folder = os.open(root, FOLDER)
     try:
-        for part in parts[:-1]:
+        for part in parts:
             below = os.open(part, FOLDER | NO_LINK, dir_fd=folder)
             os.close(folder)
             folder = below
-        yield parts[-1], folder
-    finally:
+    except BaseException:
         os.close(folder)
+        raise
+    return folder
 
 
 def _refuse_links(root: Path, parts: tuple[str, ...]) -> None:

@@ -6,7 +6,7 @@ import logging
 import re
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,38 +67,38 @@ class TileWriter:
         `shown` (`TileCompositor.tile_later`) is called here, its result on one of the threads.
         """
         pending: deque[Future[bool]] = deque()
-        present = 0
+        present, root = 0, inside.OpenRoot(self._root)
         try:
             for island, tile in keys:
-                pending.append(self._pool.submit(self._write_one, island, tile, shown(island, tile)))
+                pending.append(self._pool.submit(self._write_one, island, tile, shown(island, tile), root))
                 if len(pending) >= QUEUE:
                     present += _finished(pending)
             while pending:
                 present += _finished(pending)
         finally:
-            for future in pending:
-                future.cancel()
+            _abandon(pending, root)
         return present
 
     def close(self) -> None:
         self._pool.shutdown()
 
-    def _write_one(self, island: int, tile: Tile, shown: Shown) -> bool:
+    def _write_one(self, island: int, tile: Tile, shown: Shown, root: inside.OpenRoot) -> bool:
         picture = shown()
         if picture is None:
-            remove_tile(self._root, island, tile)
+            remove_tile(root, island, tile)
             self.there.discard((island, tile))
         else:
             with stage("encode", f"{island}/{tile.z}/{tile.x}/{tile.y}"):
-                write_tile(self._root, island, tile, picture, self._settings.jpeg_quality)
+                write_tile(root, island, tile, picture, self._settings.jpeg_quality)
             self.there.add((island, tile))
         return picture is not None
 
 
-def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_quality: int) -> None:
+def write_tile(root: inside.Root, island: int, tile: Tile, picture: TilePicture, jpeg_quality: int) -> None:
     """Write a tile and its mask, each atomically. Raises DiskFull."""
-    path, mask = tile_path(root, island, tile), mask_path(root, island, tile)
-    full = int(picture.coverage.min()) == 255
+    flight = inside.path_of(root)
+    path, mask = tile_path(flight, island, tile), mask_path(flight, island, tile)
+    full = _is_full(picture.coverage)
     if not full:
         # Before the colours, because a tile without a mask counts as full.
         _put(mask, encode_mask(picture.coverage), root)
@@ -107,11 +107,12 @@ def write_tile(root: Path, island: int, tile: Tile, picture: TilePicture, jpeg_q
         inside.remove(mask, root)
 
 
-def remove_tile(root: Path, island: int, tile: Tile) -> None:
+def remove_tile(root: inside.Root, island: int, tile: Tile) -> None:
     """Remove a tile and its mask, if present."""
     # The mask last, because a tile without a mask counts as full.
-    inside.remove(tile_path(root, island, tile), root)
-    inside.remove(mask_path(root, island, tile), root)
+    flight = inside.path_of(root)
+    inside.remove(tile_path(flight, island, tile), root)
+    inside.remove(mask_path(flight, island, tile), root)
 
 
 def tiles_in(root: Path) -> Iterator[TileKey]:
@@ -163,17 +164,22 @@ def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
 
 def encode_jpeg(colour: ImageBGR, coverage: Coverage, quality: int) -> bytes:
     """JPEG bytes without chroma subsampling, so that a small red object on green keeps its colour."""
-    filled = colour if int(coverage.min()) == 255 else _border_blocks_filled(colour, coverage)
+    filled = colour if _is_full(coverage) else _border_blocks_filled(colour, coverage)
     sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     return encode(".jpg", filled, [cv2.IMWRITE_JPEG_QUALITY, quality, *sampling])
 
 
+def _is_full(coverage: Coverage) -> bool:
+    return coverage is full_coverage(TILE_SIZE) or int(coverage.min()) == 255
+
+
 def encode_mask(coverage: Coverage) -> bytes:
-    """PNG bytes of a tile's coverage."""
-    return encode(".png", coverage, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    """PNG bytes of a tile's coverage. A compression that is asked for lets libpng try all filters on each row, which takes four
+    times as long and makes such masks larger."""
+    return encode(".png", coverage, [])
 
 
-def _put(path: Path, data: bytes, root: Path) -> None:
+def _put(path: Path, data: bytes, root: inside.Root) -> None:
     try:
         write_beside(path, data, root=root)
     except FileNotFoundError:
@@ -218,9 +224,18 @@ def _read(path: Path, root: Path, flags: int) -> AnyImage | None:
     return None if image is None else np.asarray(image, dtype=np.uint8)
 
 
+def _abandon(pending: deque[Future[bool]], root: inside.OpenRoot) -> None:
+    """Begin none of these tiles any more; close the folders once those are done that have begun."""
+    begun = [future for future in pending if not future.cancel()]
+    if not wait(begun, LONGEST_WAIT_S).not_done:  # folders that a thread still uses stay open: a lost handful
+        root.close()
+
+
 def _finished(pending: deque[Future[bool]]) -> bool:
     """Remove the future that has waited longest, once done; returns whether its tile now exists."""
     try:
-        return pending.popleft().result(LONGEST_WAIT_S)
+        present = pending[0].result(LONGEST_WAIT_S)
     except TimeoutError:
         raise OSError(f"the disk took no tile for {LONGEST_WAIT_S:.0f} s") from None
+    pending.popleft()
+    return present

@@ -3,12 +3,14 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from contextlib import chdir
+from contextlib import chdir, closing
 from pathlib import Path
+from shutil import rmtree
 
 import pytest
 
 from gcs_mosaic.store import inside
+from gcs_mosaic.store.disk import write_beside
 
 posix = pytest.mark.skipif(os.name != "posix", reason="makes links, pipes and paths of any length")
 PACKAGE = Path(inside.__file__).parents[1]
@@ -165,3 +167,41 @@ def test_whoever_touches_a_flights_folder_goes_through_the_door() -> None:
 def raw(line: str) -> bool:
     code = line.split("  #")[0].strip()
     return bool(RAW.search(code)) and not code.startswith(("def ", "from ", "import ", '"""', "#"))
+
+
+def test_a_root_that_stays_open_writes_where_folders_are_made_anew(tmp_path: Path) -> None:
+    with closing(inside.OpenRoot(tmp_path)) as root:
+        inside.make_folder(tmp_path / "a/b", root)
+        write_beside(tmp_path / "a/b/1", b"one", root=root)
+        rmtree(tmp_path / "a")
+        with pytest.raises(FileNotFoundError):
+            write_beside(tmp_path / "a/b/2", b"two", root=root)
+        inside.make_folder(tmp_path / "a/b", root)
+        write_beside(tmp_path / "a/b/2", b"two", root=root)
+    assert (tmp_path / "a/b/2").read_bytes() == b"two"
+
+
+@posix
+def test_a_root_that_stays_open_follows_no_link(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "flight").mkdir()
+    (tmp_path / "flight/way").symlink_to(tmp_path / "elsewhere")
+    with closing(inside.OpenRoot(tmp_path / "flight")) as root, pytest.raises(NotADirectoryError):
+        write_beside(tmp_path / "flight/way/file", b"ours", root=root)
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="open files are counted in /proc")
+def test_a_root_that_stays_open_keeps_a_limited_number_of_folders_and_closes_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(inside, "MOST_OPEN", 3)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    with closing(inside.OpenRoot(tmp_path)) as root:
+        for number in range(8):
+            (tmp_path / str(number)).mkdir()
+            write_beside(tmp_path / str(number) / "file", b"ours", root=root)
+            inside.remove(tmp_path / str(number) / "none", root)
+        assert len(list(Path("/proc/self/fd").iterdir())) == before + 3
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+    assert all((tmp_path / str(number) / "file").read_bytes() == b"ours" for number in range(8))
