@@ -68,7 +68,7 @@ def _too_few(count: int, lost: Sequence[str]) -> str:
 def _sees(painted: RenderItem, window: GroundWindow) -> bool:
     x, y = pixels_of(painted, np.array([[window.x, window.y]]))[0].tolist()
     (left, top), (right, bottom) = painted.dead.limits(painted.camera.width, painted.camera.height)
-    return left < x < right and top < y < bottom  # NaN is outside too
+    return bool(left < x < right and top < y < bottom)  # NaN is outside too
 
 
 def _look(view: FlightView, number: int, painted: RenderItem, window: GroundWindow) -> Look | None:

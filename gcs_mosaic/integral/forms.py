@@ -31,7 +31,7 @@ def mean(stack: LookStack) -> FloatImage:
         known = one.copy()
         cv2.patchNaNs(known, 0.0)
         total += known
-    return _where_known(stack, total / np.maximum(count, 1))
+    return _where_known(stack, np.asarray(total / np.maximum(count, 1), np.float32))
 
 
 def median(stack: LookStack) -> FloatImage:

@@ -20,6 +20,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -30,6 +31,7 @@ from gcs_mosaic.integral.focal_plane import pixels_at
 from gcs_mosaic.integral.forms import FORMS, looks_of, mean
 from gcs_mosaic.integral.hot_places import HotPlace, oddity, peaks
 from gcs_mosaic.integral.stack import GroundWindow, Look, laid_together
+from gcs_mosaic.stitch.arrays import FloatImage
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
 from sitl.geometry import CameraState, Lens, rays_of_picture, world_from_camera
@@ -41,7 +43,7 @@ SIZE = (320, 256)
 HEIGHT = 50.0
 LOOKS = (5, 10, 20, 30)
 ALL_LOOKS = 30  # by the overlaps: ten along a line, three lines
-OVERLAP = {"forward": 0.9, "side": 1 - 1 / 3}
+FORWARD, SIDE = 0.9, 1 - 1 / 3
 FRAMES = 210
 # Which of six consecutive frames are taken for so many looks.
 TAKEN = {5: {0}, 10: {0, 3}, 20: {0, 1, 3, 4}, 30: {0, 1, 2, 3, 4, 5}}
@@ -116,7 +118,7 @@ def speed() -> None:
 
 def planned(hidden: float, seed: int, kind: str) -> sitl.flight.Flight:
     """The flight, not yet rendered."""
-    route = Plan(frames=FRAMES, height=HEIGHT, speed=8.0, **OVERLAP)
+    route = Plan(frames=FRAMES, height=HEIGHT, speed=8.0, forward=FORWARD, side=SIDE)
     flight = sitl.flight.plan("survey", SIZE, seed=seed, ground="floor", leaves=hidden, world_size=2048, route=route)
     world = flight.scene.world
     if kind == "thermal":
@@ -195,7 +197,7 @@ class Model:
         return open_share * abs(self.person - self.ground[0]) / math.sqrt(variance)
 
 
-def model_of(flight: sitl.flight.Flight, images: Sequence[Floats]) -> Model:
+def model_of(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> Model:
     """Measured in some frames, by what is known to hide each pixel."""
     rays, canopy = rays_of_picture(flight.scene.camera.lens), flight.scene.canopy
     assert canopy is not None, "it is planned with leaves"
@@ -212,18 +214,18 @@ def model_of(flight: sitl.flight.Flight, images: Sequence[Floats]) -> Model:
     )
 
 
-def pictures(flight: sitl.flight.Flight, kind: str) -> list[Floats]:
+def pictures(flight: sitl.flight.Flight, kind: str) -> list[FloatImage]:
     """Grey levels (h, w, bands) of all frames."""
-    found = []
+    found = list[FloatImage]()
     for index, state in enumerate(flight.states):
         if kind == "thermal":
-            found.append(THERMAL.picture(flight.scene.light(state), index)[..., None].astype(np.float32))
+            found.append(THERMAL.picture(cast(Any, flight.scene.light(state)), index)[..., None].astype(np.float32))
         else:
             found.append(flight.scene.picture(state, index).astype(np.float32))
     return found
 
 
-def true_looks(flight: sitl.flight.Flight, images: Sequence[Floats]) -> tuple[list[Look], Units, float]:
+def true_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple[list[Look], Units, float]:
     """The looks where the cameras were, the metres of a canvas unit and so on, and the ground's height, canvas units."""
     lens = flight.scene.camera.lens
     gsd = HEIGHT / lens.focal_px
@@ -258,7 +260,7 @@ class Units:
         return np.asarray(np.linalg.solve(self.turn, np.array([x, y]) - self.shift))
 
 
-def own_looks(flight: sitl.flight.Flight, images: Sequence[Floats]) -> tuple[list[Look], Units, float]:
+def own_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple[list[Look], Units, float]:
     """The looks where the map's own adjustment has the cameras, laid on the true ones for scoring alone."""
     mosaic = Mosaic()
     for name, image in zip(flight.names, images, strict=True):

@@ -21,7 +21,7 @@ def painted(pose: Pose, ground: np.ndarray, height: float) -> np.ndarray:
     nadir = np.array([pose.x, pose.y])
     places = nadir + (flat - nadir) * (ABOVE - height) / ABOVE + TEXTURE / 2
     at = places.reshape(CAMERA.height, CAMERA.width, 2).astype(np.float32)
-    return cv2.remap(ground, at, None, cv2.INTER_LINEAR)
+    return np.asarray(cv2.remap(ground, at, np.empty(0), cv2.INTER_LINEAR))
 
 
 def noise(seed: int) -> np.ndarray:

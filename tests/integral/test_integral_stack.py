@@ -22,7 +22,7 @@ def ray_through(pose: Pose, pixel: np.ndarray, height: float) -> np.ndarray:
     """Where the ray of an undistorted pixel meets a height: straight from the rotation, without the canvas."""
     ray = pose.rotation() @ [*((pixel - CAMERA.principal_point) / CAMERA.focal_px), 1.0]
     drop = camera_height(pose, CAMERA) - height
-    return np.array([pose.x, pose.y]) + drop * ray[:2] / ray[2]
+    return np.asarray(np.array([pose.x, pose.y]) + drop * ray[:2] / ray[2])
 
 
 @pytest.mark.parametrize("height", [-30.0, 0.0, 25.0])
@@ -52,7 +52,7 @@ def dotted(pose: Pose, place: np.ndarray, height: float) -> Look:
 
 def brightest_place(values: np.ndarray) -> tuple[float, float]:
     row, column = np.unravel_index(np.nanargmax(values[..., 0]), values.shape[:2])
-    return WINDOW.place_of(column, row)
+    return WINDOW.place_of(float(column), float(row))
 
 
 @pytest.mark.parametrize("height", [-20.0, 0.0, 30.0])
@@ -71,7 +71,9 @@ def test_a_part_of_a_frame_in_memory_shows_what_the_whole_does() -> None:
     part = Look("part", whole.pose, whole.camera, whole.image[top:200, left:280], left=left, top=top)
     seen, parted = (laid_together([one], WINDOW, 10.0).values for one in (whole, part))
     assert np.nanmax(np.abs(seen - parted)) == 0
-    halved = cv2.resize(whole.image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)[..., None]
+    halved = np.asarray(cv2.resize(whole.image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.float32)[
+        ..., None
+    ]
     coarse = laid_together([Look("half", whole.pose, whole.camera, halved, reduction=2.0)], WINDOW, 10.0).values
     assert brightest_place(coarse[0]) == pytest.approx(brightest_place(seen[0]), abs=1.5)
 
