@@ -20,6 +20,7 @@ CLIMB_RATIO = 3.0
 GAP = 1.6  # picture lengths between the last frame before the gap and the first after it: no overlap, whatever the wind
 LOOKS = np.radians([72, 55, 75, 66])  # tilts of oblique frames; the half field of view is 22, so most see the horizon
 OBLIQUE_EVERY = 5  # frames
+CLOSE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,8 +134,8 @@ def oblique(lens: Lens, plan: Plan) -> list[Station]:
 
 
 def line(lens: Lens, plan: Plan) -> list[Station]:
-    """North along one line, as close as the forward overlap says."""
-    step, _ = steps(lens, plan)
+    """North along one line, pictures CLOSE times as close as the forward overlap says: many looks at few places."""
+    step = steps(lens, plan)[0] / CLOSE
     south = (plan.frames - 1) / 2 * step
     return [Station(x=0.0, y=south - k * step, height=plan.height, course=0.0) for k in range(plan.frames)]
 
