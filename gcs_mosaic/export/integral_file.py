@@ -17,7 +17,6 @@ from gcs_mosaic.export.raster_file import GDAL_NODATA
 from gcs_mosaic.export.target import refuse_our_own
 from gcs_mosaic.export.whole_file import whole_file
 from gcs_mosaic.integral.aperture import SyntheticAperture
-from gcs_mosaic.integral.focus import FoundFocus
 from gcs_mosaic.integral.forms import FORMS, looks_of, mean
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
 from gcs_mosaic.integral.hot_places import HotPlace, oddity, over_heights, peaks
@@ -32,12 +31,12 @@ MOST_CELLS = 2048
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegralWish:
-    """What is asked for. `heights`: shares of the flying height, empty to seek the ground; `flown_m`: metres above the ground
+    """What is asked for. `heights`: shares of the flying height; `flown_m`: metres above the ground
     that were flown, where somebody knows them, to tell heights in metres; `hints`: how many."""
 
     at: tuple[float, float]
     island: int | None = None
-    heights: Sequence[float] = ()
+    heights: Sequence[float] = (0.0,)
     cells: int = 512
     form: str = "mean"
     opened: float = 1.0
@@ -48,17 +47,11 @@ class IntegralWish:
 def write_integral(flight: Path, target: Path, wish: IntegralWish) -> str:
     """Write it, a page of the file for each height; returns what is said of it. Raises UsageError."""
     refuse_our_own(target)
-    if not 0 < len(wish.heights or (0,)) <= MOST_HEIGHTS or not 16 <= wish.cells <= MOST_CELLS:
+    if not 0 < len(wish.heights) <= MOST_HEIGHTS or not 16 <= wish.cells <= MOST_CELLS:
         raise UsageError(f"Give at most {MOST_HEIGHTS} heights, and a side of 16 to {MOST_CELLS} pixels.")
     folder = find_flight(flight)
     lens = ground_lens(FlightView(folder), chosen_island(folder, wish.island)["id"], wish.at, wish.cells)
-    found = None if wish.heights else lens.found_focus()
-    if found is None and not wish.heights:
-        raise UsageError(
-            "No height is in focus for certain here, so where the ground lies is not known: give --height, or a place that more "
-            "looks see from farther apart."
-        )
-    heights = tuple(wish.heights) if found is None else (found.height,)
+    heights = tuple(wish.heights)
     apertures = [lens.aperture(height, wish.opened) for height in heights]
     pages, hints = list[FloatImage](), list[HotPlace]()
     for height in heights:
@@ -69,7 +62,7 @@ def write_integral(flight: Path, target: Path, wish: IntegralWish) -> str:
     hints = over_heights(hints, HINT_REACH * lens.window.cell)[: wish.hints]
     with whole_file(target) as path:
         _write(path, lens, heights, pages, wish.form)
-    return "\n".join(_said(lens, heights, apertures, found, wish, hints, target))
+    return "\n".join(_said(lens, heights, apertures, wish, hints, target))
 
 
 def _write(path: Path, lens: GroundLens, heights: Sequence[float], pages: Sequence[FloatImage], form: str) -> None:
@@ -102,7 +95,6 @@ def _said(
     lens: GroundLens,
     heights: Sequence[float],
     apertures: Sequence[SyntheticAperture],
-    found: FoundFocus | None,
     wish: IntegralWish,
     hints: Sequence[HotPlace],
     target: Path,
@@ -113,9 +105,6 @@ def _said(
             f"{aperture.width / aperture.height:.2f} flying heights apart; in focus {_height_words(height, wish.flown_m)} "
             f"the map's ground"
         )
-    if found is not None:
-        low, high = (_height_words(one, wish.flown_m) for one in (found.lowest, found.highest))
-        yield f"the focus was sought; the lowest thing in focus lies between {low} and {high} it"
     for one in hints:
         yield (
             f"hint at {one.x:.0f},{one.y:.0f}, {one.score:.1f} deviations, {_height_words(one.height, wish.flown_m)} "

@@ -8,20 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.integral.aperture import SyntheticAperture, aperture_of, seeing
+from gcs_mosaic.integral.aperture import SyntheticAperture, aperture_of
 from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, looks_at
 from gcs_mosaic.integral.focal_plane import camera_height
-from gcs_mosaic.integral.focus import FoundFocus, agreement, lowest_focus
 from gcs_mosaic.integral.forms import LEAST_LOOKS
 from gcs_mosaic.integral.stack import GroundWindow, Look, LookStack, laid_together
 from gcs_mosaic.stitch.arrays import Vector2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
-
-FOCUS_CELLS = 200  # px of the window's middle by which the focus is sought
-# A step of the search, in what it takes to shift the outermost looks by a pixel: details of FINE px stay in focus over three.
-FOCUS_STEP = 1.5
-MOST_STEPS = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,23 +63,6 @@ class GroundLens:
                 "least: move the focus towards the ground, or open the aperture."
             )
         return found
-
-    def found_focus(self) -> FoundFocus | None:
-        """The lowest height in focus, as shares; None where that cannot be told."""
-        window = GroundWindow(
-            self.window.x,
-            self.window.y,
-            self.window.cell * min(FOCUS_CELLS, self.window.cells),
-            min(FOCUS_CELLS, self.window.cells),
-        )
-        looks, flying = seeing(self.looks, self.middle, 0.0), self.flying_height
-        width = aperture_of(looks, self.middle, 0.0).width
-        if not width:
-            return None
-        step = max(FOCUS_STEP * window.cell / width, (HIGHEST - LOWEST) / MOST_STEPS)
-        heights = np.arange(LOWEST, HIGHEST, step)
-        ratios = np.array([agreement(looks, window, share * flying) for share in heights])
-        return lowest_focus(heights, np.nan_to_num(ratios, nan=1.0))
 
 
 def ground_lens(view: FlightView, island: int, place: tuple[float, float], cells: int) -> GroundLens:

@@ -51,14 +51,6 @@ def test_the_looks_of_flat_ground_agree_on_the_ground(lens: GroundLens) -> None:
     assert np.nanstd(off.values - mean(off)) > 2 * np.nanstd(apart)
 
 
-def test_the_ground_is_where_the_map_has_it(lens: GroundLens) -> None:
-    found = lens.found_focus()
-    assert found is not None
-    assert found.lowest <= 0.01
-    assert found.highest >= -0.01
-    assert abs(found.height) < 0.03
-
-
 def test_the_aperture_opens_from_the_middle(lens: GroundLens) -> None:
     assert 2 <= len(lens.opened(0.0)) < len(lens.opened(1.0)) == len(lens.looks)
     assert lens.aperture(0.0, 0.5).width < lens.aperture(0.0).width
