@@ -118,7 +118,13 @@ def streaming(asked: argparse.Namespace) -> Iterator[StreamingCamera | None]:
 
 def simulated_flight(asked: argparse.Namespace) -> Flight:
     say("painting the ground (some seconds the first time)")
-    route = Plan(frames=asked.count, strangers=asked.strangers, forward=asked.forward, side=asked.side)
+    route = Plan(
+        frames=asked.count,
+        strangers=asked.strangers,
+        forward=asked.forward,
+        side=asked.side,
+        waypoints=asked.waypoints,
+    )
     camera = Camera(
         vignetting=asked.vignetting,
         exposure_step=asked.exposure_step,

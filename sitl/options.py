@@ -29,6 +29,7 @@ def parser(program: str) -> argparse.ArgumentParser:
 
 def what(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--scenario", choices=sorted(SCENARIOS), default="survey", help="which flight (survey)")
+    group.add_argument("--waypoints", type=Path, metavar="FILE", help="what scenario 'mission' flies (QGC WPL 110)")
     group.add_argument("--ground", choices=GROUNDS, default=COUNTRY, help="what is flown over (country)")
     group.add_argument("--count", type=positive_int, default=30, metavar="N", help="about how many pictures (30)")
     group.add_argument("--size", type=picture_size, default=(1200, 900), metavar="WxH", help="of a picture (1200x900)")

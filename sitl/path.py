@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import CameraState, Lens
+from .waypoints import shots_of
 
 TURN_SECONDS = 2.0  # per turn between two flight lines
 CLIMB_RATIO = 3.0
@@ -37,6 +39,7 @@ class Plan:
     climbs: int = 0  # number of climbs of a survey to CLIMB_RATIO times its height and back
     strangers: int = 0  # frames over ground that no other frame sees (scenario `lost`)
     seed: int = 1
+    waypoints: Path | None = None  # the file of scenario `mission`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,6 +154,13 @@ def circle(lens: Lens, plan: Plan) -> list[Station]:
     ]
 
 
+def mission(_lens: Lens, plan: Plan) -> list[Station]:
+    """The pictures of a mission file. Raises ValueError without one."""
+    if plan.waypoints is None:
+        raise ValueError("--scenario mission wants --waypoints FILE")
+    return [Station(x=one.x, y=one.y, height=one.height, course=one.course) for one in shots_of(plan.waypoints)]
+
+
 SCENARIOS: dict[str, Route] = {
     "survey": survey,
     "climb": climb,
@@ -158,6 +168,7 @@ SCENARIOS: dict[str, Route] = {
     "oblique": oblique,
     "line": line,
     "circle": circle,
+    "mission": mission,
 }
 
 

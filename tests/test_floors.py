@@ -40,8 +40,10 @@ ALLOWED = {
     "triggers": {"messages"},
     "frames": {"processes", "stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
+    "handover": {"geo", "notes", "views", "store", "render", "stitch.arrays", "messages", "errors"},
     "export": {
         *(
+            "handover",
             "geotiles",
             "geo",
             "notes",
@@ -75,7 +77,7 @@ ALLOWED = {
     },
     "integral": {"views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
     "web": {
-        *("hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
+        *("handover", "hints", "geo", "geotiles", "notes", "views", "store", "render", "frames", "stitch.arrays"),
         *("processes", "messages", "errors"),
     },
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
@@ -137,7 +139,7 @@ ONLY = {
     ("integral", "frames"): {"decode"},
     ("web", "frames"): {"decode"},
     ("config", "web"): {"settings"},
-    ("archive", "app"): {"prefetch"},
+    ("archive", "app"): {"prefetch", "terminal"},
     ("config", "hints"): {"settings"},
     ("hints", "stitch.features"): {"onnx_check"},
     ("cli", "hints"): {"settings"},

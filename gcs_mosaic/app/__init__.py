@@ -26,6 +26,7 @@ May import every package but `cli`; used by `cli` alone. Threads and processes, 
 | `tiles` (pool of 2) | `store.tiles` | the tile files being encoded and written |
 | `durability` | `store.durability` | nothing: syncs the ledger to disk |
 | `checkpoint` | `store.checkpoint` | the checkpoint files while one is written |
+| `progress`, `progress lines` | a command that ends by itself | `progress.json`; lines where nobody sits at a terminal |
 | `page` | `web.page_keeper` | the pipe to the page's process, and the changes that it has not been told of yet |
 | process of the page | `web.page_keeper` | the open pages; reads tiles and documents, writes nothing |
 | in it `web`, `web tiles` (pool of 2) | `web.server` | connections and requests; tiles being filled |

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 from rich.console import Console
+
+from gcs_mosaic.app.status.terminal import Terminal
+from gcs_mosaic.store.progress import ProgressFile, RunStep, left_words
 
 EACH_S = 1.0  # between two lines
 
@@ -51,13 +55,15 @@ class Progress(Protocol):
     def advance(self, cost: StageCost) -> None: ...
     def end(self, cost: StageCost) -> None: ...
     def say(self, text: str) -> None: ...
+    def kept_in(self, folder: Path) -> AbstractContextManager[None]: ...
 
 
 class Lines:
-    """Tells of stages in lines, each second at most; as JSON if asked for. Keeps what they cost."""
+    """Tells of stages: a line for each that is done, and how far the present one is, over and over on a terminal, else each ten
+    seconds; or each second as JSON if asked for. Keeps what they cost."""
 
     def __init__(self, console: Console, *, as_json: bool = False, now: Callable[[], float] = time.monotonic) -> None:
-        self._console = console
+        self._terminal = Terminal(console, timed=False, now=now)
         self._as_json = as_json
         self._now = now
         self._told = 0.0
@@ -70,22 +76,36 @@ class Lines:
     def advance(self, cost: StageCost) -> None:
         if self._now() - self._told >= EACH_S and cost.done < cost.tasks:
             self._told = self._now()
-            self._tell(cost, "running")
+            if self._as_json:
+                _print_json(entry(cost) | {"state": "running"})
+            else:
+                self._terminal.state(told(cost, "running"))
 
     def end(self, cost: StageCost) -> None:
-        self._tell(cost, "done")
+        if self._as_json:
+            _print_json(entry(cost) | {"state": "done"})
+        else:
+            self._terminal.line(told(cost, "done"))
 
     def say(self, text: str) -> None:
         if self._as_json:
-            print(json.dumps({"said": text}), flush=True)
+            _print_json({"said": text})
         else:
-            self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+            self._terminal.line(text)
 
-    def _tell(self, cost: StageCost, state: str) -> None:
-        if self._as_json:
-            print(json.dumps(entry(cost) | {"state": state}), file=sys.stdout, flush=True)
-        else:
-            self._console.print(told(cost, state), markup=False, highlight=False, soft_wrap=True)
+    def kept_in(self, folder: Path) -> AbstractContextManager[None]:
+        """A context in which it is in progress.json of a folder, too."""
+        return ProgressFile(folder, "reprocess", self._step)
+
+    def _step(self) -> RunStep:
+        costs = self.costs
+        if not costs:
+            return RunStep("starting", 0)
+        return RunStep(costs[-1].stage, costs[-1].done, costs[-1].tasks, costs[-1].left_s)
+
+
+def _print_json(document: dict[str, object]) -> None:
+    print(json.dumps(document), flush=True)
 
 
 def entry(cost: StageCost) -> dict[str, object]:
@@ -108,11 +128,5 @@ def told(cost: StageCost, state: str) -> str:
     before = f", {cost.there} were there" if cost.there else ""
     if state == "done":
         return f"{cost.stage}: {cost.done} in {cost.wall_s:.1f} s{before}"
-    left = "" if cost.left_s is None else f", {_in_words(cost.left_s)} left"
+    left = "" if cost.left_s is None else f", {left_words(cost.left_s)} left"
     return f"{cost.stage}: {cost.done} of {cost.tasks}{before}, {rate:.1f} a second{left}"
-
-
-def _in_words(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,7 +38,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, NothingPlaced
 from gcs_mosaic.frames.scan import shown_name
 from gcs_mosaic.store.folder import ARTEFACTS
-from gcs_mosaic.store.held_out import held_out_lines, largest
+from gcs_mosaic.store.held_out import held_out_lines, largest, torn_lines
 from gcs_mosaic.store.records import FrameState
 
 ISLANDS_TOLD = 12
@@ -69,7 +69,8 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
     with checked_target(request.target) as target:
         for text in sources.said:
             progress.say(text)
-        with workers_at(request.cluster, request.workers, dashboard=request.dashboard) as client:
+        kept = nullcontext() if is_bucket(target) else progress.kept_in(Path(target))
+        with kept, workers_at(request.cluster, request.workers, dashboard=request.dashboard) as client:
             if request.dashboard:
                 progress.say(f"what the workers do: {client.dashboard_link}")
             engine = Engine(client, f"{target}/{ARTEFACTS}", progress)
@@ -83,6 +84,8 @@ def reprocess(request: Request, config: Config, progress: Progress) -> None:
     _tell(outcomes, target, progress)
     for line in held_out_lines(largest(found.held_out, ISLANDS_TOLD)):
         progress.say(line)
+    for text in torn_lines(found.held_out):
+        progress.say(f"warning: {text}")
     if not found.assembled.placed:
         raise NothingPlaced(
             f"none of {len(sources.files)} frames found a place: there is no map, {_shown(target)} has the reasons"

@@ -186,6 +186,9 @@ def export_flight(given: argparse.Namespace) -> None:
         crs=given.crs,
         bands=given.bands,
         tiles=given.tiles,
+        looks=given.looks,
+        gsd=given.gsd,
+        height=given.height,
     )
     print(export(given.flight, given.format, wish, Console(stderr=True)))
 
@@ -238,7 +241,9 @@ def demo(given: argparse.Namespace) -> int:
     """Run a simulated flight: the simulator starts the program as a separate process, as an operator would."""
     from importlib import import_module
 
-    return int(import_module(SIMULATOR).main(given.words, program="gcs-mosaic demo"))
+    simulator = import_module(SIMULATOR)
+    signal.signal(signal.SIGTERM, simulator.interrupt)  # as Ctrl-C: else the program that it has started would stay
+    return int(simulator.main(given.words, program="gcs-mosaic demo"))
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {

@@ -23,6 +23,7 @@ from gcs_mosaic.store.permissions import Readers
 from gcs_mosaic.web.address import DEFAULT as DEFAULT_PAGE
 from gcs_mosaic.web.settings import WebSettings
 
+MOST_LOOKS, MOST_METRES = 100, 10_000.0  # of a mission
 DEFAULT_OUT = Path("mosaic")  # of the settings, which would load the stitching
 ANNOUNCE_AS = 191  # default system id: not an aircraft's, which count from 1, nor the ground station's
 
@@ -287,8 +288,18 @@ def _system_or_folder(text: str) -> int | Path:
     return int(text)
 
 
-CANVAS_FORMATS = ("png", "tiff", "placements", "finds-geojson", "finds-csv", "finds-kml", "finds-report")
-EARTH_FORMATS = ("geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson")  # of maps that have an anchor
+CANVAS_FORMATS = ("png", "tiff", "placements", "finds-geojson", "finds-csv", "finds-kml", "finds-report", "debriefing")
+MISSION_FORMATS = ("mission-plan", "mission-waypoints", "mission-kml", "mission-gpx")
+EARTH_FORMATS = (
+    "geotiff",
+    "cog",
+    "mbtiles",
+    "pmtiles",
+    "xyz",
+    "kmz",
+    "geojson",
+    *MISSION_FORMATS,
+)  # of maps that have an anchor
 
 
 def _add_export(parser: argparse.ArgumentParser) -> None:
@@ -305,6 +316,33 @@ def _add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bands", action="store_true", help="geotiff, cog: every band of the frames at its depth")
     parser.add_argument("--no-gains", action="store_true", help="bands: counts as the camera wrote them, seams and all")
     parser.add_argument("--tiles", choices=["png", "webp", "jpg"], help="mbtiles, pmtiles, xyz: default png")
+    _add_mission(parser)
+
+
+def _add_mission(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--looks", type=_looks, metavar="N", help="mission: also ground that fewer frames saw; default: gaps alone"
+    )
+    told = "mission: also ground that was seen coarser, in metres a pixel; it is flown lower"
+    parser.add_argument("--gsd", type=_metres, metavar="M", help=told)
+    told = "mission: metres over ground as it was flown, where the pictures do not tell"
+    parser.add_argument("--height", type=_metres, metavar="M", help=told)
+
+
+def _looks(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_LOOKS:
+        raise argparse.ArgumentTypeError(f"{text} is no number of frames: give one from 1 to {MOST_LOOKS}")
+    return int(text)
+
+
+def _metres(text: str) -> float:
+    try:
+        found = float(text)
+    except ValueError:
+        found = 0.0
+    if not 0 < found <= MOST_METRES:  # which NaN is not
+        raise argparse.ArgumentTypeError(f"{text} is no number of metres: give one above 0")
+    return found
 
 
 def _format(text: str) -> str:

@@ -27,12 +27,18 @@ OPTIONS = {
     "crs": "--crs",
     "bands": "--bands",
     "tiles": "--tiles",
+    "looks": "--looks",
+    "gsd": "--gsd",
+    "height": "--height",
 }
+OF_A_MISSION = ("looks", "gsd", "height")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
-    """What is asked for. `island`: None for all, or the largest where a file holds one; `box`: degrees; `zoom`: a level."""
+    """What is asked for. `island`: None for all, or the largest where a file holds one; `box`: degrees; `zoom`: a level.
+
+    `looks`, `gsd` (metres a pixel), `height` (metres): as of a `MissionWish`."""
 
     to: Path | None = None
     island: int | None = None
@@ -42,6 +48,9 @@ class Wish:
     crs: Crs | None = None
     bands: bool = False
     tiles: TileFormat | None = None
+    looks: int | None = None
+    gsd: float | None = None
+    height: float | None = None
 
 
 Write: TypeAlias = Callable[[Path, Path, Wish, Console], str]  # of a flight, to a file; returns a message
@@ -96,6 +105,23 @@ def _finds(kind: str) -> Write:
         return export_finds(flight, kind, target)
 
     return write
+
+
+def _mission(kind: str) -> Write:
+    def write(flight: Path, target: Path, wish: Wish, _: Console) -> str:
+        from gcs_mosaic.export.missions import export_mission
+        from gcs_mosaic.handover.mission import MissionWish
+
+        asked = MissionWish(island=wish.island, looks=wish.looks or 1, gsd_m=wish.gsd, height_m=wish.height)
+        return export_mission(flight, target, kind, asked)
+
+    return write
+
+
+def _debriefing(flight: Path, target: Path, _: Wish, __: Console) -> str:
+    from gcs_mosaic.export.debriefing import export_debriefing
+
+    return export_debriefing(flight, target)
 
 
 def _geojson(flight: Path, target: Path, wish: Wish, _: Console) -> str:
@@ -183,4 +209,9 @@ FORMATS: Mapping[str, Format] = {
     "finds-csv": _form("finds.csv", _finds("csv")),
     "finds-kml": _form("finds.kml", _finds("kml")),
     "finds-report": _form("finds.html", _finds("report")),
+    "debriefing": _form("debriefing.html", _debriefing),
+    "mission-plan": _form("gaps.plan", _mission("plan"), *OF_A_MISSION),
+    "mission-waypoints": _form("gaps.waypoints", _mission("waypoints"), *OF_A_MISSION),
+    "mission-kml": _form("gaps.kml", _mission("kml"), *OF_A_MISSION),
+    "mission-gpx": _form("gaps.gpx", _mission("gpx"), *OF_A_MISSION),
 }

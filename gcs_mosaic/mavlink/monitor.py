@@ -171,11 +171,12 @@ class Listener:
         return report != self._reported[0] and now - self._reported[1] >= REPORT_EVERY_S
 
     def _back_again(self, received: float) -> Iterator[Notice]:
-        gap = received - self._last_heard
+        gap, before = received - self._last_heard, self._ever_heard
         self._last_heard, self._ever_heard = received, True
         if self._silent:
             self._silent = False
-            yield self._notice("info", f"{self._name} is heard again after {gap:.0f} s")
+            how = f"again after {gap:.0f} s" if before else f"for the first time, {gap:.0f} s after it was opened"
+            yield self._notice("info", f"{self._name} is heard {how}")
 
     def _trigger(self, event: TriggerEvent) -> Iterator[TriggerEvent | Notice]:
         self._aircraft.setdefault(event.vehicle, Aircraft(system=event.vehicle))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.saliency import LEAST_CONTRAST, POOL, REACH, TALL, greatest_contrast, saliency
-from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, PlaneStack
+from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Planes, PlaneStack
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
 Map = NDArray[np.float16]  # half the memory; three digits suffice
@@ -53,7 +53,8 @@ class BlendMaps:
 
 
 def grouped_planes(planes: Sequence[ImageGrey]) -> tuple[PlaneStack, ...]:
-    return tuple(np.dstack(planes[k : k + AT_ONCE]) for k in range(0, len(planes), AT_ONCE))
+    groups = [planes[k : k + AT_ONCE] for k in range(0, len(planes), AT_ONCE)]
+    return tuple(np.asarray(cv2.merge(group), np.uint8).reshape(*group[0].shape, len(group)) for group in groups)
 
 
 def contrasts(look: ImageBGR) -> list[ImageGrey]:
@@ -62,7 +63,7 @@ def contrasts(look: ImageBGR) -> list[ImageGrey]:
     things, near, far = saliency(look)
     found: list[cv2.typing.MatLike] = []
     for maps, times in ((things, 1.0), (near, BEYOND), (far, BEYOND)):
-        found += cv2.split(_in_least_ones(maps, times))
+        found += _in_least_ones(maps, times)
     return [np.asarray(one, np.uint8) for one in found]
 
 
@@ -72,12 +73,14 @@ def contrasts_around(maps: BlendMaps, colours: slice, coarser: float) -> tuple[P
     planes = [one for group in maps.planes for one in cv2.split(group)][colours]
     reach = round((REACH + TALL) * coarser / POOL)
     found = _in_least_ones(greatest_contrast(np.dstack(planes).astype(np.uint8), reach), BEYOND)
-    return grouped_planes([np.asarray(one, np.uint8) for one in cv2.split(found)])
+    return grouped_planes([np.asarray(one, np.uint8) for one in found])
 
 
-def _in_least_ones(maps: FloatImage, times: float) -> PlaneStack:
-    """Contrasts (h, w, `WAYS`) in the units kept."""
-    return np.clip(np.rint(maps * (times * LEAST / LEAST_CONTRAST)), 0, 255).astype(np.uint8)
+def _in_least_ones(maps: Planes, times: float) -> list[cv2.typing.MatLike]:
+    """Contrast planes in the units kept."""
+    steps = np.arange(256, dtype=np.float32)[:, None]
+    tables = np.clip(np.rint(steps * (times * LEAST / LEAST_CONTRAST)), 0, 255).astype(np.uint8)
+    return [cv2.LUT(plane, tables[:, way]) for way, plane in enumerate(maps)]
 
 
 def small_look(look: ImageBGR, shape: tuple[int, ...]) -> list[ImageGrey]:

@@ -129,8 +129,9 @@ class RepaintQueue(Kept):
 
     @property
     def has_repaints(self) -> bool:
-        """Whether some frames are, or may be, displaced from where they are painted by more than the tolerance."""
-        waiting = self._unchecked or self._stale or self._rimmed or self._changed or self._coarse
+        """Whether some frames are, or may be, displaced from where they are painted by more than the tolerance, or are to be
+        sharpened now."""
+        waiting = self._unchecked or self._stale or self._rimmed or self._changed or self._to_be_sharpened()
         return bool(waiting) or self.canvas.behind > 0
 
     @property

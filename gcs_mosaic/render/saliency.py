@@ -8,10 +8,12 @@ adjacent lightness contrast: lenses give bright edges coloured fringes towards t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, PlaneStack
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, ImageGrey, Planes, PlaneStack
 
 # All lengths are pixels of the analysed image (see `looks.LOOK_PIXELS`).
 CENTRE = 3  # smaller is noise
@@ -28,8 +30,8 @@ POOL = 4  # pixels a side that share a value
 WAYS = len(LEAST_CONTRAST)  # kinds of contrast
 
 
-def saliency(look: ImageBGR) -> tuple[FloatImage, FloatImage, FloatImage]:
-    """Of an image (h, w, 3), at a quarter of the width, `WAYS` channels each: contrast of the salient thing at or beside a place,
+def saliency(look: ImageBGR) -> tuple[Planes, Planes, Planes]:
+    """Of an image (h, w, 3), at a quarter of the width, `WAYS` planes each: contrast of the salient thing at or beside a place,
     else 0; and the greatest contrast, of a thing or not, anywhere near and far around it.
 
     The first never exceeds the second nor, if frames show the same thing, the second of another frame; nor the third, if that
@@ -39,16 +41,18 @@ def saliency(look: ImageBGR) -> tuple[FloatImage, FloatImage, FloatImage]:
     contrast = _contrast(centre, surround)
     around = USUAL // POOL | 1
     usual = cv2.blur(_quarter(cv2.absdiff(centre, surround)), (around, around), borderType=cv2.BORDER_REFLECT)
-    light = _greatest(np.maximum(contrast[..., 0], contrast[..., 3]), POOL)
-    fringes = FRINGE * np.dstack([np.zeros_like(light), light, light] * 2)
-    bound = np.maximum(np.maximum(DISTINCT * np.dstack([usual, usual]), LEAST_CONTRAST), fringes)
-    things = np.where(contrast > bound, contrast, 0)
+    fringes = np.float32(FRINGE) * _greatest([np.maximum(contrast[0], contrast[3])], POOL)[0]
+    things: list[ImageGrey] = []
+    for found, of_usual, least in zip(contrast, [*cv2.split(usual)] * 2, LEAST_CONTRAST, strict=True):
+        bound = np.maximum(np.float32(DISTINCT) * of_usual, least)
+        if len(things) % 3:  # of colour
+            bound = np.maximum(bound, fringes)
+        things.append(np.where(found > bound, found, np.uint8(0)))
     return _greatest(things, REACH), _greatest(contrast, REACH + MISPLACED), _greatest(contrast, REACH + TALL)
 
 
-def greatest_contrast(look: ImageBGR, reach: int) -> FloatImage:
-    """Greatest contrast, of a thing or not, within `reach` px in an image (h, w, 3), at a quarter of the width, `WAYS`
-    channels."""
+def greatest_contrast(look: ImageBGR, reach: int) -> Planes:
+    """Greatest contrast, of a thing or not, within `reach` px in an image (h, w, 3), at a quarter of the width, `WAYS` planes."""
     return _greatest(_contrast(*_centre_and_surround(look)), reach)
 
 
@@ -58,9 +62,9 @@ def _centre_and_surround(look: ImageBGR) -> tuple[PlaneStack, PlaneStack]:
     return centre, surround
 
 
-def _contrast(centre: PlaneStack, surround: PlaneStack) -> PlaneStack:
+def _contrast(centre: PlaneStack, surround: PlaneStack) -> list[ImageGrey]:
     ways = *cv2.split(cv2.subtract(centre, surround)), *cv2.split(cv2.subtract(surround, centre))
-    return np.dstack([_pooled(way) for way in ways])
+    return [_pooled(way) for way in ways]
 
 
 def _pooled(values: cv2.typing.MatLike) -> ImageGrey:
@@ -75,6 +79,6 @@ def _quarter(values: cv2.typing.MatLike) -> FloatImage:
     return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _greatest(values: PlaneStack, reach: int) -> FloatImage:
+def _greatest(values: Sequence[ImageGrey], reach: int) -> Planes:
     side = 2 * (reach // POOL) + 1
-    return np.asarray(cv2.dilate(values, np.ones((side, side), np.uint8)), dtype=np.float32)
+    return np.stack([np.asarray(cv2.dilate(one, np.ones((side, side), np.uint8)), np.uint8) for one in values])

@@ -23,9 +23,11 @@ TOKEN_NAME = "page.token"  # lets other machines look at the page
 NOTES_NAME = "notes.sqlite"  # what people add to the flight, see the room `notes`
 HINTS_NAME = "hints.sqlite"  # what may be worth a look, see the room `hints`
 PAIRING_NAME = "pairing.json"  # the pairs of triggers and pictures found in flight, where others were chosen
+PROGRESS_NAME = "progress.json"  # of a command that ends by itself
 OUR_NAMES = (
     *(LEDGER_NAME, "mosaic.json", "placements.json", "placements.jsonl", "status.json", RECORDING_NAME, LOG_NAME),
     *("checkpoint", "checkpoint.values", TOKEN_NAME, NOTES_NAME, HINTS_NAME, PAIRING_NAME),
+    PROGRESS_NAME,
     *("tiles", "masks", "frames"),
 )
 ARTEFACTS = "archive"  # folder in which `reprocess` keeps what it has found
@@ -33,7 +35,7 @@ BESIDE_OURS = tuple(f"{name}{end}" for name in (LEDGER_NAME, NOTES_NAME, HINTS_N
 # All that we ever write into a flight's folder.
 WRITTEN_NAMES = (*OUR_NAMES, *BESIDE_OURS, ARTEFACTS, LOCK_NAME)
 # What a start writes before its flight has begun, which may take half a minute on a busy machine.
-BEFORE_A_FLIGHT = (LEDGER_NAME, LOG_NAME, RECORDING_NAME, TOKEN_NAME, NOTES_NAME, HINTS_NAME)
+BEFORE_A_FLIGHT = (LEDGER_NAME, LOG_NAME, RECORDING_NAME, TOKEN_NAME, NOTES_NAME, HINTS_NAME, PROGRESS_NAME)
 FIRST_ROWS = ("flight", "frames", "events")  # tables of which a flight that has begun has rows
 LONGEST_LINE = 1000  # bytes
 MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,9 @@ from gcs_mosaic.store.documents import finite, told_of
 from gcs_mosaic.store.told_documents import HeldOutEntry
 
 Figures = Mapping[int, HeldOut]  # by island
+# Of the frames. Someone is told from a stone at some 20 px: where one match in twenty is torn by twice that, people and cars
+# are doubled or cut.
+TORN_P95_PX = 40.0
 
 
 def largest(figures: Figures, count: int) -> Figures:
@@ -31,6 +35,19 @@ def held_out_words(island: object, entry: dict[str, Any]) -> str:
 def held_out_lines(figures: Figures) -> list[str]:
     """The islands' held-out errors, one line each."""
     return [held_out_words(island, told_of(held_out_entry(found))) for island, found in figures.items()]
+
+
+def torn_lines(figures: Figures) -> list[str]:
+    """A sentence for each island that is torn so far that things are doubled or cut."""
+    return [_torn_words(island, found) for island, found in figures.items() if found.p95_px > TORN_P95_PX]
+
+
+def _torn_words(island: int, found: HeldOut) -> str:
+    apart = f"{found.p95_px:.0f} px or more" if math.isfinite(found.p95_px) else "without end"
+    return (
+        f"island {island} is torn: where its frames overlap one match in twenty is {apart} apart, so that a person may be on the "
+        "map twice or in part. Look at the originals there (a click on the map), and trust no distance"
+    )
 
 
 def _rounded(px: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Status of the running daemon: `status.json`, for the page and for `gcs-mosaic status`."""
+"""What a run says of itself: `status.json` of a live flight, for the page too; all of it for `gcs-mosaic status`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from typing import Any, cast
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import Aircraft, LinkReport, SourceReport
+from gcs_mosaic.store import inside
 from gcs_mosaic.store.documents import finite, iso_utc
-from gcs_mosaic.store.folder import find_flight
+from gcs_mosaic.store.folder import PROGRESS_NAME, find_flight
 from gcs_mosaic.store.held_out import Figures, held_out_entry, held_out_words
-from gcs_mosaic.store.reading import read_document
+from gcs_mosaic.store.progress import progress_json, progress_lines
+from gcs_mosaic.store.reading import MOSAIC_NAME, read_document
 from gcs_mosaic.store.records import Accounts, NoticeRecord
 from gcs_mosaic.store.told_documents import (
     FORMAT,
@@ -32,6 +34,7 @@ from gcs_mosaic.store.told_documents import (
     WatchEntry,
 )
 
+STATUS_NAME = "status.json"
 HUNG_AFTER_S = 8.0  # a running daemon writes its status at least every two seconds
 
 
@@ -202,26 +205,79 @@ def moment(utc: float | None) -> str | None:
 
 
 def read_status(flight: Path, *, as_json: bool = False, now_utc: float | None = None) -> str:
-    """A flight folder's status, as text or (the document unchanged) as JSON. Raises UsageError."""
-    path = find_flight(flight) / "status.json"
+    """What the last run in a folder says of itself, as text or as JSON (status.json unchanged). Raises UsageError."""
+    if not inside.is_file(flight / PROGRESS_NAME, flight):  # `reprocess` has one before there is a flight
+        find_flight(flight)
+    path, now = flight / STATUS_NAME, now_utc or time.time()
     try:
-        document = read_document(path)
-        if as_json:
-            return json.dumps(document, indent=2)
-        return "\n".join(harmless(line) for line in status_lines(document, now_utc or time.time()))
-    except FileNotFoundError as error:
-        raise UsageError(
-            f"{path} does not exist: the flight was written without one, open mosaic.json instead"
-        ) from error
+        document = _told(path)
+        progress = _told(flight / PROGRESS_NAME)
+        if progress and not _is_newer(document, progress):
+            path = flight / PROGRESS_NAME
+            mosaic = _told(flight / MOSAIC_NAME)
+            return progress_json(progress, mosaic) if as_json else _joined(_command_lines(progress, mosaic, now))
+        if document:
+            return json.dumps(document, indent=2) if as_json else _joined(status_lines(document, now))
+        path = flight / MOSAIC_NAME
+        return _of_the_map(flight, as_json=as_json)
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise UsageError(
             f"{path} is not a status that this gcs-mosaic can read ({error!r}): update gcs-mosaic"
         ) from error
 
 
+def _told(path: Path) -> dict[str, Any]:
+    """A document; empty if it is not there."""
+    try:
+        return read_document(path)
+    except FileNotFoundError:
+        return {}
+
+
+def _is_newer(status: dict[str, Any], progress: dict[str, Any]) -> bool:
+    """Whether a live flight has gone on here since that command."""
+    return bool(status) and _moment(status["updated"]) > _moment(progress["updated"])
+
+
+def _command_lines(progress: dict[str, Any], mosaic: dict[str, Any], now_utc: float) -> list[str]:
+    return [*progress_lines(progress, now_utc - _moment(progress["updated"])), *_map_lines(mosaic)]
+
+
+def _of_the_map(flight: Path, *, as_json: bool) -> str:
+    """Of a flight whose run has told nothing of itself, such as one of an earlier version."""
+    mosaic = _told(flight / MOSAIC_NAME)
+    if as_json:
+        return json.dumps(mosaic, indent=2)
+    if not mosaic:
+        return harmless(f"{flight}: it has begun, and there is no map yet")
+    return _joined(
+        [f"{mosaic['flight']}: no run tells of itself; the map is of {mosaic['updated']}", *_map_lines(mosaic)]
+    )
+
+
+def _map_lines(mosaic: dict[str, Any]) -> list[str]:
+    if not mosaic:
+        return []
+    held_out = {one["id"]: one.get("held_out_px") for one in mosaic["islands"]}
+    return [
+        f"frames: {counted(mosaic['frames'])}",
+        f"triggers: {counted(mosaic['events'])}",
+        *[held_out_words(island, entry) for island, entry in held_out.items() if entry],
+    ]
+
+
+def _joined(lines: list[str]) -> str:
+    return "\n".join(harmless(line) for line in lines)
+
+
+def _moment(text: str) -> float:
+    """Seconds since 1970."""
+    return datetime.fromisoformat(text).timestamp()
+
+
 def status_lines(document: dict[str, Any], now_utc: float) -> list[str]:
     """The document of `status_document` as text, one line per item."""
-    age = now_utc - datetime.fromisoformat(document["updated"]).timestamp()
+    age = now_utc - _moment(document["updated"])
     hangs = age > HUNG_AFTER_S and document["state"] != "stopped"
     warning = [f"nothing was written for {age:.0f} s: the program was killed or hangs"] if hangs else []
     last, watch = document["last_frame"], document["watch"]

@@ -296,3 +296,21 @@ class StatusDocument:
     held_out_px: Annotated[Mapping[str, HeldOutEntry], "by island"]
     conditions: Annotated[Sequence[ConditionEntry], "the worst first"]
     notices: Annotated[Sequence[NoticeEntry], "the newest few, oldest first"]
+
+
+CommandName = Literal["stitch", "merge", "replay", "reprocess"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgressDocument:
+    """progress.json: how far a command is. It is written each second: an old `updated` of a running one means a hung program."""
+
+    format: Literal[1]
+    command: CommandName
+    state: Literal["running", "ended"]
+    started: Moment
+    updated: Moment
+    doing: Annotated[str, "in words"]
+    done: Annotated[Count, "steps of it"]
+    of: Annotated[Count | None, "as many steps as there are, where that is known"]
+    seconds_left: Annotated[float | None, Limits(least=0)]

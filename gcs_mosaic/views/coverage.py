@@ -101,14 +101,12 @@ def gaps_in(coverage: Coverage, footprint: float) -> list[Gap]:
     meant to be flown, as far as the pictures tell.
     """
     cell = coverage.grid.cell
-    reach = max(1, round(footprint / cell))
-    seen = np.pad((coverage.looks > 0).astype(np.uint8), reach)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach | 1, reach | 1))
-    flown = cv2.morphologyEx(seen, cv2.MORPH_CLOSE, disc)
-    bare = ((flown > 0) & (seen == 0)).astype(np.uint8)[reach:-reach, reach:-reach]
+    flown = flown_area(coverage, footprint)
+    bare = (flown & (coverage.looks == 0)).astype(np.uint8)
     count, labels, facts, _ = cv2.connectedComponentsWithStats(bare, connectivity=4)
     least = max(2, LEAST_GAP * (footprint / cell) ** 2)
-    outside = cv2.dilate((flown == 0).astype(np.uint8), np.ones((3, 3), np.uint8))[reach:-reach, reach:-reach] > 0
+    outside = cv2.dilate(np.pad(~flown, 1, constant_values=True).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    outside = outside[1:-1, 1:-1]
     large = (labels == k for k in range(1, count) if facts[k, cv2.CC_STAT_AREA] >= least)
     gaps = [
         _gap(coverage.grid, one)
@@ -116,6 +114,14 @@ def gaps_in(coverage: Coverage, footprint: float) -> list[Gap]:
         if not (one & outside).any() or _width(one) >= LEAST_BAY * footprint / cell
     ]
     return sorted(gaps, key=lambda gap: -gap.area)
+
+
+def flown_area(coverage: Coverage, footprint: float) -> Mask:
+    """The cells (rows, columns) of the flown area, as of `gaps_in`."""
+    reach = max(1, round(footprint / coverage.grid.cell))
+    seen = np.pad((coverage.looks > 0).astype(np.uint8), reach)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach | 1, reach | 1))
+    return np.asarray(cv2.morphologyEx(seen, cv2.MORPH_CLOSE, disc)[reach:-reach, reach:-reach] > 0)
 
 
 def footprint_of(boxes: Sequence[Array] | Array) -> float:

@@ -1,9 +1,9 @@
 """The page: serves a flight's output folder read-only over HTTP, and pushes tile updates as they are painted. What people add to
 the flight it keeps in a file of their own.
 
-May import `notes`, `hints`, `views`, `geo`, `geotiles` and `store` for reading, of `frames` the decoding, `render` for the grid
-of tiles, `processes`, `stitch.arrays` and `messages`; called by `app` and `cli`, its settings also by `config`. During a live
-flight all but `page_keeper` and what it needs runs in a process of its own (`page_process`).
+May import `handover`, `notes`, `hints`, `views`, `geo`, `geotiles` and `store` for reading, of `frames` the decoding,
+`render` for the grid of tiles, `processes`, `stitch.arrays` and `messages`; called by `app` and `cli`, its settings also by
+`config`. During a live flight all but `page_keeper` and what it needs runs in a process of its own (`page_process`).
 """
 
 import os

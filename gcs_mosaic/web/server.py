@@ -21,7 +21,7 @@ from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.web.address import DEFAULT, HttpAddress
 from gcs_mosaic.web.app import let_pages_read, make_app
 from gcs_mosaic.web.feed import Feed
-from gcs_mosaic.web.listener import PageListener
+from gcs_mosaic.web.listener import PageListener, listening
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.token import Access
 
@@ -30,6 +30,7 @@ logger = logging.getLogger(__name__)
 START_S = 10.0  # timeout until the socket listens
 STOP_S = 5.0  # grace period for open requests
 PULSE_S = 5.0
+PORTS_TRIED, HIGHEST_PORT = 100, 65535  # for one to propose
 
 
 class WebServer:
@@ -135,13 +136,26 @@ def _log(_loop: asyncio.AbstractEventLoop, what: dict[str, Any]) -> None:
     logger.warning("%s (%r)", what.get("message"), error, exc_info=None if outside else error)
 
 
+def _free_beside(address: HttpAddress) -> str:
+    """The next address on which nothing listens now; port 0, with which the system chooses one, if there is none nearby."""
+    host = f"[{address.host}]" if ":" in address.host else address.host
+    for port in range(address.port + 1, min(address.port + PORTS_TRIED, HIGHEST_PORT) + 1):
+        try:
+            for one in listening(address.host, port):
+                one.close()
+        except OSError:
+            logger.debug("port %d is no better", port, exc_info=True)
+        else:
+            return f"{host}:{port}"
+    return f"{host}:0"
+
+
 def cannot_listen(address: HttpAddress, error: Exception) -> str:
     """The error message for the operator."""
     text = f"{address.host}:{address.port}"
     match getattr(error, "errno", None):
         case errno.EADDRINUSE:
-            other = f"{address.host}:{address.port + 1}"
-            return f"another program listens on {text} already: choose --http {other}, or --no-http for no page"
+            return f"another program listens on {text} already: choose --http {_free_beside(address)}, or --no-http for no page"
         case errno.EADDRNOTAVAIL:
             return f"{text} is not an address of this machine: choose --http {DEFAULT}, or --no-http for no page"
         case errno.EACCES:

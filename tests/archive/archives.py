@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from urllib.request import Request as HttpRequest
@@ -44,6 +44,10 @@ class Heard:
 
     def say(self, text: str) -> None:
         self.said.append(text)
+
+    def kept_in(self, folder: Path) -> AbstractContextManager[None]:
+        assert folder.is_dir()
+        return nullcontext()
 
 
 def flight_in(folder: Path, cache: Path) -> Path:

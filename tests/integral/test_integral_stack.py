@@ -70,7 +70,7 @@ def test_a_part_of_a_frame_in_memory_shows_what_the_whole_does() -> None:
     left, top = 40, 30
     part = Look("part", whole.pose, whole.camera, whole.image[top:200, left:280], left=left, top=top)
     seen, parted = (laid_together([one], WINDOW, 10.0).values for one in (whole, part))
-    assert np.nanmax(np.abs(seen - parted)) == 0
+    assert np.nanmax(np.abs(seen - parted)) < 4  # sampled in steps of 1/32 px, and the dot is as steep as 60 a pixel
     halved = np.asarray(cv2.resize(whole.image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.float32)[
         ..., None
     ]

@@ -78,6 +78,12 @@ def test_a_link_says_what_it_hears_and_when_it_hears_nothing(vehicle: Vehicle) -
     vehicle.next_notice("heard again")
 
 
+def test_a_link_that_never_spoke_is_not_heard_again(vehicle: Vehicle) -> None:
+    vehicle.next_notice("nothing was heard on")
+    vehicle.send(packet(heartbeat(), system=9))
+    assert "heard for the first time" in vehicle.next_notice(" is heard ").text
+
+
 def test_a_taken_port_is_refused_by_the_call_itself(vehicle: Vehicle) -> None:
     with pytest.raises(UsageError, match=f"UDP port {vehicle.port} is taken"):
         triggers(parse_address(f"udp:127.0.0.1:{vehicle.port}"), threading.Event())

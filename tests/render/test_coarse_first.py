@@ -11,7 +11,7 @@ from gcs_mosaic.render import levels
 from gcs_mosaic.render import repaint_queue as module
 from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.render.levels import coarser_at_first
-from gcs_mosaic.render.repaint_queue import NEWER, PAUSE_S, SHARPENED_TOGETHER, PaintSettings, RepaintQueue
+from gcs_mosaic.render.repaint_queue import BLURRED_PX, NEWER, PAUSE_S, SHARPENED_TOGETHER, PaintSettings, RepaintQueue
 from gcs_mosaic.render.tile_grid import tiles_over
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -85,7 +85,7 @@ def test_new_frames_are_coarse_until_there_are_newer_ones(queue: RepaintQueue) -
     repaint(queue)
     coarse = levels_of(queue)
     assert len(set(coarse)) == 1
-    assert queue.has_repaints
+    assert not queue.has_repaints  # or the program would ask again and again
     paint(queue, len(coarse))
     repaint(queue)
     assert levels_of(queue) == [coarse[0] + 1] * SHARPENED_TOGETHER + [coarse[0]] * NEWER
@@ -96,9 +96,23 @@ def test_in_a_pause_all_are_sharpened(queue: RepaintQueue, clock: _Clock) -> Non
     repaint(queue)
     (coarse,) = levels_of(queue)
     clock.now_s += PAUSE_S + 0.1
+    assert queue.has_repaints
     repaint(queue)
     assert levels_of(queue) == [coarse + 1]
     assert not queue.has_repaints
+
+
+@pytest.mark.parametrize(("off", "sharpened"), [(BLURRED_PX + 2, False), (BLURRED_PX - 2, True)])
+def test_what_looks_worse_is_mended_first(queue: RepaintQueue, clock: _Clock, off: float, *, sharpened: bool) -> None:
+    there = [paint(queue, number) for number in range(2)]
+    repaint(queue)
+    (coarse, _) = levels_of(queue)
+    clock.now_s += PAUSE_S + 0.1
+    queue.follow([replace(one, pose=replace(one.pose, x=one.pose.x + off)) for one in there])
+    queue.repaint_some()  # looks how far they are
+    queue.repaint_some()
+    assert levels_of(queue) == [coarse + sharpened] * 2
+    assert [one.pose.x for one in queue.painted()] == [off, STEP + off]
 
 
 def test_a_coarse_frame_that_moves_stays_coarse(queue: RepaintQueue) -> None:

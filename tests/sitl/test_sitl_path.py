@@ -31,7 +31,7 @@ def linked(places: list[Polygon], least: float = 0.3) -> list[set[int]]:
     return groups
 
 
-@pytest.mark.parametrize("scenario", sorted(SCENARIOS))
+@pytest.mark.parametrize("scenario", sorted(SCENARIOS.keys() - {"mission"}))
 def test_a_scenario_is_repeatable_and_stays_over_known_ground(scenario: str) -> None:
     plan = Plan(strangers=2, seed=4)
     states = fly(scenario, LENS, plan)

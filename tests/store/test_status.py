@@ -153,13 +153,69 @@ def test_status_as_json_is_the_document(tmp_path: Path) -> None:
 
 
 def test_status_that_cannot_be_read_is_a_clear_error(tmp_path: Path) -> None:
-    (tmp_path / "mosaic.json").write_text("{}")
-    with pytest.raises(UsageError, match="does not exist"):
+    with pytest.raises(UsageError, match="holds no flight"):
+        read_status(tmp_path)
+    (tmp_path / "mosaic.json").write_text('{"flight": 3}')
+    with pytest.raises(UsageError, match="is not a status"):
         read_status(tmp_path)
     for nonsense in ("[", "[]", '{"updated": 5}'):
         (tmp_path / "status.json").write_text(nonsense)
         with pytest.raises(UsageError, match="is not a status"):
             read_status(tmp_path)
+
+
+MOSAIC: dict[str, Any] = {
+    "flight": "map",
+    "updated": "2024-05-01T12:00:00.000Z",
+    "frames": {"placed": 9, "waiting": 1},
+    "events": {"matched": 0},
+    "islands": [{"id": 3, "held_out_px": {"median": 1.0, "p95": 4.0, "matches": 70}}, {"id": 4, "held_out_px": None}],
+}
+PROGRESS: dict[str, Any] = {
+    "format": 1,
+    "command": "reprocess",
+    "state": "running",
+    "started": "2024-05-01T11:00:00.000Z",
+    "updated": "2024-05-01T12:00:00.000Z",
+    "doing": "features",
+    "done": 12,
+    "of": 95,
+    "seconds_left": 100.0,
+}
+
+
+def test_a_flight_without_a_status_is_told_by_its_map(tmp_path: Path) -> None:
+    write_json(tmp_path / "mosaic.json", MOSAIC)
+    assert read_status(tmp_path).splitlines() == [
+        "map: no run tells of itself; the map is of 2024-05-01T12:00:00.000Z",
+        "frames: 9 placed, 1 waiting",
+        "triggers: none yet",
+        "held-out matches: 1.0 px median, 4.0 px 95 % (island 3, 70 matches)",
+    ]
+    assert json.loads(read_status(tmp_path, as_json=True)) == MOSAIC
+
+
+def test_a_command_tells_of_itself_before_there_is_a_map_and_after(tmp_path: Path) -> None:
+    write_json(tmp_path / "progress.json", PROGRESS)
+    now = 1714564801.0
+    lines = [
+        "reprocess: running, begun 2024-05-01T11:00:00.000Z, 2024-05-01T12:00:00.000Z",
+        "features: 12 of 95, 2 min left",
+    ]
+    assert read_status(tmp_path, now_utc=now).splitlines() == lines
+    write_json(tmp_path / "mosaic.json", MOSAIC)
+    assert read_status(tmp_path, now_utc=now).splitlines()[:3] == [*lines, "frames: 9 placed, 1 waiting"]
+    assert json.loads(read_status(tmp_path, as_json=True))["frames"] == MOSAIC["frames"]
+
+
+@pytest.mark.parametrize(("later_s", "first"), [(-1.0, "reprocess"), (1.0, "today")])
+def test_of_a_command_and_a_live_flight_in_one_folder_the_later_tells(
+    tmp_path: Path, later_s: float, first: str
+) -> None:
+    write_json(tmp_path / "progress.json", PROGRESS)
+    write_json(tmp_path / "mosaic.json", MOSAIC)
+    written(tmp_path, replace(STATUS, updated_utc=1714564800.0 + later_s))
+    assert read_status(tmp_path).startswith(f"{first}: ")
 
 
 LINK: dict[str, Any] = {

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import http.client
 import json
+import re
+import socket
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -253,8 +255,18 @@ def test_saved_flight_is_polled(flight: SmallFlight, monkeypatch: pytest.MonkeyP
 
 def test_port_that_is_taken_is_said_with_a_way_out(client: Client, tmp_path: Path) -> None:
     port = int(client.netloc.split(":")[1])
-    with pytest.raises(UsageError, match=f"listens on 127.0.0.1:{port} already: choose --http 127.0.0.1:{port + 1}"):
+    with pytest.raises(UsageError, match=f"listens on 127.0.0.1:{port} already: choose --http 127.0.0.1:[0-9]+,"):
         WebServer(tmp_path, HttpAddress("127.0.0.1", port)).start()
+
+
+def test_the_port_that_is_proposed_is_free(client: Client, tmp_path: Path) -> None:
+    port = int(client.netloc.split(":")[1])
+    with socket.create_server(("127.0.0.1", port + 1)), pytest.raises(UsageError) as refused:
+        WebServer(tmp_path, HttpAddress("127.0.0.1", port)).start()
+    proposed = re.search(r"choose --http 127\.0\.0\.1:(\d+),", str(refused.value))
+    assert proposed is not None
+    assert int(proposed[1]) > port + 1
+    socket.create_server(("127.0.0.1", int(proposed[1]))).close()
 
 
 def test_address_of_another_machine_is_said(tmp_path: Path) -> None:

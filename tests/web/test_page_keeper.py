@@ -160,7 +160,7 @@ def runs(process: int) -> bool:
 def test_a_port_that_is_taken_is_refused_at_the_start(keeper: PageKeeper, client: Client, root: Path) -> None:
     port = int(client.netloc.split(":")[1])
     another = PageKeeper(task(root, port))
-    with pytest.raises(UsageError, match=f"listens on 127.0.0.1:{port} already: choose --http 127.0.0.1:{port + 1}"):
+    with pytest.raises(UsageError, match=f"listens on 127.0.0.1:{port} already: choose --http 127.0.0.1:[0-9]+,"):
         another.start()
     another.stop()
 

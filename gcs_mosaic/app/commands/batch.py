@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from gcs_mosaic.app.inputs.given import GivenFrames, given_frames
@@ -23,6 +22,7 @@ from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.pipeline.resuming import OpenedFlight, begin_stitch, open_stitch
 from gcs_mosaic.app.status.flight_log import flight_log
+from gcs_mosaic.app.status.run_progress import RunProgress
 from gcs_mosaic.app.waiting.prefetch import Preparation, one_after_another
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
@@ -30,7 +30,7 @@ from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.notes.anchors.anchor_setting import let_positions_lay
 from gcs_mosaic.render.display import display_of
 from gcs_mosaic.store.folder import LEDGER_NAME
-from gcs_mosaic.store.held_out import held_out_lines, largest
+from gcs_mosaic.store.held_out import held_out_lines, largest, torn_lines
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
 
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-REFRESHES = 4.0  # of the progress bars a second: drawing them takes the interpreter from the stitching
 STAGES = ("decode", "features", "place", "paint", "write")
 
 
@@ -148,7 +147,7 @@ def _stitch_into(
         say(console, let_positions_lay(opened.folder.path))
     preparation, driver = prefetching(pipeline, config), Driver(pipeline)
     again = _gone_on_with(pipeline, opened) if opened.folder.resumed else []
-    with closing(preparation), progress_on(console) as progress:
+    with closing(preparation), RunProgress(console) as progress, progress.kept_in(opened.folder.path, "stitch"):
         task, done = progress.add_task("stitching", total=given.steps), list[Done]()
         for decoded in one_after_another(preparation, chain(again, _accepted(driver, given, console))):
             done.append(driver.process(decoded))
@@ -183,12 +182,6 @@ def prefetching(pipeline: Pipeline, config: Config) -> Preparation:
     return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels)
 
 
-def progress_on(console: Console) -> Progress:
-    """Progress bars that disappear when done."""
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=console, transient=True, refresh_per_second=REFRESHES)
-
-
 def summarise(pipeline: Pipeline, done: list[Done], seconds: float, console: Console) -> None:
     """Print a one-screen summary: frame outcomes and time by stage."""
     for line in _summary(pipeline, seconds):
@@ -207,7 +200,9 @@ def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
     reasons = Counter(frame.reason for frame in pipeline.store.ledger.frames() if frame.reason)
     yield from (f"    {count} x {reason}" for reason, count in reasons.most_common(8))
     yield _islands_in_words(sorted(pipeline.mosaic.frame_counts().items(), key=lambda item: -item[1]))
-    yield from held_out_lines(largest(pipeline.mosaic.held_out(), 12))
+    held_out = pipeline.mosaic.held_out()
+    yield from held_out_lines(largest(held_out, 12))
+    yield from (f"warning: {text}" for text in torn_lines(held_out))
 
 
 def _islands_in_words(islands: Sequence[tuple[int, int]]) -> str:

@@ -15,11 +15,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from gcs_mosaic.app.commands.batch import prefetching, progress_on, say, summarise
+from gcs_mosaic.app.commands.batch import prefetching, say, summarise
 from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.pipeline.resuming import checkpoints_of, saved_flight, shelf_of
 from gcs_mosaic.app.status.flight_log import flight_log
+from gcs_mosaic.app.status.run_progress import RunProgress
 from gcs_mosaic.app.waiting.prefetch import one_after_another
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import NothingPlaced, UsageError
@@ -210,8 +211,12 @@ def _take_over(pipeline: Pipeline, source: MergedFlight, config: Config, shelf: 
 
 def _work_off(pipeline: Pipeline, again: Sequence[Frame], config: Config, console: Console) -> list[Done]:
     """Place what is to be placed again, join what overlaps, and paint all."""
-    driver, done = Driver(pipeline), list[Done]()
-    with closing(prefetching(pipeline, config)) as preparation, progress_on(console) as progress:
+    driver, done, out = Driver(pipeline), list[Done](), pipeline.store.out
+    with (
+        closing(prefetching(pipeline, config)) as preparation,
+        RunProgress(console) as progress,
+        progress.kept_in(out, "merge"),
+    ):
         task = progress.add_task("stitching", total=len(again))
         for decoded in one_after_another(preparation, iter(again)):
             done.append(driver.process(decoded))

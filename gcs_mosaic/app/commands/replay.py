@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from rich.console import Console
-from rich.progress import Progress
 
-from gcs_mosaic.app.commands.batch import prefetching, progress_on, say, summarise, tell
+from gcs_mosaic.app.commands.batch import prefetching, say, summarise, tell
 from gcs_mosaic.app.commands.replay_timing import FILE_TIMES, Arrivals, arrivals
 from gcs_mosaic.app.inputs.event_log import EventLog
 from gcs_mosaic.app.inputs.frame_sources import frame_sources
@@ -25,6 +24,7 @@ from gcs_mosaic.app.inputs.pairing_check import contradiction_text
 from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.status.flight_log import flight_log
+from gcs_mosaic.app.status.run_progress import RunProgress
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, Preparation, UndecodableFrame
 from gcs_mosaic.app.waiting.turns import AHEAD
 from gcs_mosaic.config.tree import Config
@@ -77,12 +77,12 @@ def replay(
     if not 0 <= speed < math.inf:
         raise UsageError(f"--speed {speed:g} is not understood: give 1 for as it was flown, 2 for twice as fast, or 0.")
     folders = _folders(frames, config)
-    with progress_on(console) as progress:
+    with RunProgress(console) as progress:
         link = _read(recording, config, progress)
         heard = _merged(link, config)
         came = [_came(one, link, heard, config) for one in folders]
         folder = open_flight_folder(out)
-        with closing(folder), flight_log(folder, config):
+        with closing(folder), flight_log(folder, config), progress.kept_in(folder.path, "replay"):
             for text in (folder.said, _described(link, folders, came)):
                 say(console, Notice(source="replay", level="info", text=text))
             for text in (text for one in folders for text in one.passed_over):
@@ -112,7 +112,7 @@ def _folder(path: Path, config: Config, vehicle: int | None = None) -> FramesFol
     return FramesFolder(vehicle, mapped, [*passed_over, *said])
 
 
-def _read(recording: Path, config: Config, progress: Progress) -> RecordedLink:
+def _read(recording: Path, config: Config, progress: RunProgress) -> RecordedLink:
     size = recording.stat().st_size if recording.is_file() else None
     task = progress.add_task(f"reading {recording.name}", total=size)
     link = read_recording(recording, config.link, lambda read: progress.update(task, completed=read), config.aircraft)
@@ -175,7 +175,7 @@ class _Replay:
         self._done: list[Done] = []
         self._judges = judges
 
-    def fly(self, happenings: Sequence[Happening], speed: float, progress: Progress) -> list[Done]:
+    def fly(self, happenings: Sequence[Happening], speed: float, progress: RunProgress) -> list[Done]:
         """Process all happenings, then paint a last time; returns the frames' outcomes."""
         coming = [what for _, what in happenings if isinstance(what, ComingFile)]
         task, start = progress.add_task("flying", total=len(coming)), time.monotonic()
@@ -218,7 +218,7 @@ class _Replay:
         if frame is not None:
             self._done.append(self._driver.process(replace(file, frame=frame)))
 
-    def _finish(self, progress: Progress) -> None:
+    def _finish(self, progress: RunProgress) -> None:
         task = progress.add_task("final painting", total=None)
         for _ in self._driver.finish():
             progress.advance(task)

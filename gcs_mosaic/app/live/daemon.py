@@ -34,7 +34,7 @@ from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.pipeline.resuming import OpenedFlight, open_flight, runs_of, told_again
 from gcs_mosaic.app.pipeline.rewritten import PREVIEW, SeenPictures, as_whole_of_damaged, taken_as_rewritten
 from gcs_mosaic.app.status.flight_log import flight_log
-from gcs_mosaic.app.status.reporter import Backlog, Fleet, Reporter
+from gcs_mosaic.app.status.reporter import Backlog, Fleet, Reporter, behind_in_words
 from gcs_mosaic.app.status.service_manager import ServiceManager
 from gcs_mosaic.app.status.statustext import Announcements
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, Preparation, UndecodableFrame
@@ -162,7 +162,8 @@ class _Daemon:
         self._manager = ServiceManager()
         self._output = OutputFolder(opened.folder, config, self._pipeline, parts.reopen, self.say)
         self._unread = UnreadFrames(store.found_again)
-        self._reporter = Reporter(out, store.flight, store.ledger, console, self._output.is_ours)
+        told = {"each_frame": config.log.verbose}
+        self._reporter = Reporter(out, store.flight, store.ledger, console, self._output.is_ours, **told)
         for source in self._sources:
             self._reporter.source(source.report)
         apart, several = bool(config.sources), bool(config.aircraft)
@@ -235,6 +236,7 @@ class _Daemon:
         self._announcements.notice(notice)
 
     def close(self) -> None:
+        self._reporter.close()
         self._manager.close()
         self._output.close()
         self._preparation.close()
@@ -362,7 +364,7 @@ class _Daemon:
         self._announcements.frame(done.state, vehicle)
         self._reporter.conditions.frame(done.state, vehicle)
         latency = time.monotonic() - self._came.pop(done.name)
-        self._reporter.last_frame = LastFrame(
+        last = LastFrame(
             name=done.name,
             outcome=done.state,
             island=done.island,
@@ -371,13 +373,13 @@ class _Daemon:
             reason=done.reason,
             covered_by=done.covered_by,
         )
-        self._fleet.processed(vehicle, self._reporter.last_frame)
+        self._fleet.processed(vehicle, last)
         where = f" on island {done.island}" if done.island else f" by {done.covered_by}" if done.covered_by else ""
         why = f" ({done.reason})" if done.reason else ""
         seconds = ", ".join(f"{stage} {taken:.2f} s" for stage, taken in done.seconds.items())
         fields = {"frame": done.name, "state": done.state, "latency_s": round(latency, 3), "seconds": done.seconds}
         logger.info("%s: %.1f s after it came; %s", done.name, latency, seconds, extra=said(**fields))
-        self._reporter.line(f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
+        self._reporter.frame(last, f"{done.name} {done.state}{where}{why}, {latency:.1f} s after it came")
 
     # The disk
 
@@ -525,7 +527,7 @@ class _Daemon:
         self._reporter.write(self._state, behind, revision, counted, held_out, aircraft=fleet, islands=islands, now=now)
         self._manager.alive()
         self._manager.status(
-            f"{self._state}: {self._reporter.accounts.frames.placed} frames placed, {_in_words(behind)}"
+            f"{self._state}: {self._reporter.accounts.frames.placed} frames placed, {behind_in_words(behind)}"
         )
 
     def _of_aircraft(self) -> tuple[AircraftStatus, ...]:
@@ -536,7 +538,3 @@ class _Daemon:
         waiting, coming = self._preparation, self._inbox.frames()  # more than a few only while the disk is waited for
         seconds = max(waiting.behind_s(now_s), *(now_s - frame.received for frame in coming[:1]), 0.0)
         return Behind(frames=len(waiting) + len(self._unread) + len(coming), seconds=seconds)
-
-
-def _in_words(behind: Behind) -> str:
-    return f"{behind.frames} waiting, {behind.seconds:.0f} s behind" if behind.frames else "none waits"

@@ -8,22 +8,21 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from datetime import datetime
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
 from gcs_mosaic.app.status.conditions import Conditions, Facts
+from gcs_mosaic.app.status.terminal import Terminal
 from gcs_mosaic.messages import Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.store.disk import CannotWrite, DiskFull, overwrite, write_beside
 from gcs_mosaic.store.documents import compact
-from gcs_mosaic.store.held_out import Figures, held_out_lines, largest
+from gcs_mosaic.store.held_out import Figures, held_out_lines, largest, torn_lines
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
 from gcs_mosaic.store.records import Accounts, FlightRecord, NoticeRecord
-from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame, Status, status_document
+from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame, Status, counted, status_document
 from gcs_mosaic.store.told_documents import DaemonState
 
 logger = logging.getLogger(__name__)
@@ -41,7 +40,8 @@ STYLES = {"info": "", "warning": "yellow", "error": "bold red"}
 class Reporter:
     """Reports to the operator and keeps status.json up to date. A full disk never stops it.
 
-    `may_write`: whether the output folder is ours now; nothing is written into another one.
+    `may_write`: whether the output folder is ours now; nothing is written into another one. `each_frame`: whether the terminal is
+    told of each, instead of how the flight is.
     """
 
     def __init__(
@@ -51,11 +51,14 @@ class Reporter:
         ledger: Ledger,
         console: Console,
         may_write: Callable[[], bool] = lambda: True,
+        *,
+        each_frame: bool = False,
     ) -> None:
         self._may_write = may_write
         self._unrecorded: deque[tuple[Notice, float]] = deque(maxlen=NOTICES_KEPT)
         self._path = out / "status.json"
-        self._flight, self._ledger, self._console = flight, ledger, console
+        self._flight, self._ledger = flight, ledger
+        self._terminal, self._each_frame = Terminal(console, states=not each_frame), each_frame
         self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
         self._written, self._begun_utc = 0.0, time.time()
         self._links: dict[str, LinkReport] = {}
@@ -74,19 +77,26 @@ class Reporter:
         self._record()
 
     def line(self, text: str, style: str = "") -> None:
-        """Print one line with the time of day. A closed terminal must not end the flight."""
-        line = f"{datetime.now():%H:%M:%S} {escape(text)}"
-        try:
-            self._console.print(line, style=style, highlight=False, soft_wrap=True)
-        except (OSError, SystemExit):  # the second is raised by rich on a broken pipe
-            logger.info("the terminal is gone", exc_info=True)
-            self._console = Console(quiet=True)
+        """Print one line with the time of day."""
+        self._terminal.line(text, style)
+
+    def frame(self, last: LastFrame, text: str) -> None:
+        """A frame has had its turn; `text` says what became of it."""
+        self.last_frame = last
+        if self._each_frame:
+            self.line(text)
 
     def judge(self, held_out: Figures) -> None:
         """Report the map's held-out error."""
         for line in held_out_lines(largest(held_out, ISLANDS_SHOWN)):
             logger.info("%s", line, extra={"said": True})
             self.line(line)
+        for text in torn_lines(held_out):
+            self.say(Notice(source="daemon", level="warning", text=text))
+
+    def close(self) -> None:
+        """Leave the terminal to others."""
+        self._terminal.close()
 
     def source(self, report: SourceReport) -> None:
         """Update the status of a source of frames."""
@@ -133,11 +143,16 @@ class Reporter:
             conditions=() if state == "stopped" else self.conditions.so_now(self._facts(behind, islands, fleet)),
             notices=tuple(self._notices),
         )
+        self._tell(status)
+
+    def _tell(self, status: Status) -> None:
         room = STATUS_BYTES + AIRCRAFT_BYTES * len(status.aircraft)
         self._put(compact(status_document(status)).ljust(room).encode("ascii"))
         self._written = time.monotonic()
         for notice in self.conditions.fresh():
             self.say(notice)
+        if status.state != "stopped":
+            self._terminal.state(in_one_line(status))
 
     def _worst_source(self) -> SourceReport | None:
         """The source of frames or, of several aircraft's, one that brings nothing if there is any."""
@@ -174,6 +189,19 @@ class Reporter:
             logger.debug("%s cannot be written beside", self._path.name, exc_info=True)
             with suppress(DiskFull, OSError):
                 overwrite(self._path, data)
+
+
+def in_one_line(status: Status) -> str:
+    """How the flight is."""
+    parts = [f"frames: {counted(asdict(status.accounts.frames))}", behind_in_words(status.behind)]
+    if status.last_frame is not None:
+        parts.append(f"last: {status.last_frame.name}, {status.last_frame.outcome}")
+    return f"{status.state}; {'; '.join(parts)}"
+
+
+def behind_in_words(behind: Behind) -> str:
+    """For a line."""
+    return f"{behind.frames} waiting, {behind.seconds:.0f} s behind" if behind.frames else "none waits"
 
 
 Aircraft = int | None  # None: frames of one source for all

@@ -8,7 +8,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.notes.anchors.anchoring import anchor_of
 from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
-from gcs_mosaic.notes.finds.exports import as_csv, as_geojson, as_kml
+from gcs_mosaic.notes.finds.exports import anchor_words, as_csv, as_geojson, as_kml, in_number
 from gcs_mosaic.notes.finds.finds import Find, find_of, placed
 from gcs_mosaic.notes.finds.report import as_report
 from gcs_mosaic.notes.ground.binding import GroundFollower
@@ -17,6 +17,8 @@ from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import DiskFull, write_beside
 from gcs_mosaic.store.folder import NOTES_NAME, find_flight
 from gcs_mosaic.views.flight_view import FlightView
+
+HOW = "Two pins on the page, or `gcs-mosaic anchor DIR --points FILE`, lay it on earth; then export again."
 
 
 def export_finds(flight: Path, kind: str, target: Path) -> str:
@@ -36,7 +38,8 @@ def export_finds(flight: Path, kind: str, target: Path) -> str:
         write_beside(target, text.encode("utf-8"))
     except (OSError, DiskFull) as error:
         raise UsageError(f"{target} cannot be written ({error}); give another file with --to.") from error
-    return f"{len(found)} finds written to {target}"
+    said = "".join(f"\nwarning: {text} {HOW}" for text in anchor_words(shown))
+    return f"{in_number(found)} written to {target}{said}"
 
 
 def finds_in(flight: Path) -> list[Find]:

@@ -17,6 +17,7 @@ from gcs_mosaic.notes.ground.places import place_answer
 from gcs_mosaic.notes.texts import iso, shown
 
 NO_ANCHOR = "The map has no anchor yet: places are canvas units of an island, not longitude and latitude."
+SOME_ANCHORED = "{unplaced} on islands without an anchor: their places are canvas units, not longitude and latitude."
 COLUMNS = (
     *("id", "kind", "label", "note", "who", "created", "changed", "changed_by", "island", "canvas_x", "canvas_y"),
     *("frame", "pixel_x", "pixel_y", "follows", "longitude", "latitude", "error_m"),
@@ -30,8 +31,8 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # a spreadsheet would compute 
 def as_geojson(finds: Sequence[PlacedFind], flight: str) -> str:
     """A FeatureCollection (RFC 7946); without an anchor each geometry is null, and `canvas` tells the place."""
     document: dict[str, Any] = {"type": "FeatureCollection", "flight": shown(flight)}
-    if not _are_anchored(finds):
-        document["comment"] = NO_ANCHOR
+    if said := anchor_words(finds):
+        document["comment"] = said[0]
     document["features"] = [find_feature(one) for one in finds]
     return json.dumps(document, indent=1, allow_nan=False)
 
@@ -49,15 +50,24 @@ def as_csv(finds: Sequence[PlacedFind]) -> str:
 def as_kml(finds: Sequence[PlacedFind], flight: str) -> str:
     """KML 2.2; a find without an anchor has no Point, which is allowed, and its place in ExtendedData."""
     marks = "\n".join(_placemark(one) for one in finds)
-    said = "" if _are_anchored(finds) else f"<description>{escape(NO_ANCHOR)}</description>\n"
+    said = "".join(f"<description>{escape(text)}</description>\n" for text in anchor_words(finds))
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">\n<Document>\n'
         f"<name>{escape(shown(flight))}: finds</name>\n{said}{marks}\n</Document>\n</kml>\n"
     )
 
 
-def _are_anchored(finds: Sequence[PlacedFind]) -> bool:
-    return bool(finds) and all(one.geo is not None for one in finds)
+def anchor_words(finds: Sequence[PlacedFind]) -> list[str]:
+    """What to say of finds that no anchor lays on earth; nothing if there is none."""
+    unplaced = [one for one in finds if one.geo is None]
+    if not unplaced:
+        return []
+    return [NO_ANCHOR if len(unplaced) == len(finds) else SOME_ANCHORED.format(unplaced=in_number(unplaced))]
+
+
+def in_number(finds: Sequence[object]) -> str:
+    """How many there are."""
+    return "1 find" if len(finds) == 1 else f"{len(finds)} finds"
 
 
 def find_feature(one: PlacedFind) -> dict[str, Any]:

@@ -14,8 +14,10 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable, decode_image
-from gcs_mosaic.notes.finds.exports import NO_ANCHOR
+from gcs_mosaic.notes.finds.exports import anchor_words, in_number
 from gcs_mosaic.notes.finds.finds import PlacedFind
+from gcs_mosaic.notes.finds.overview import OVERVIEW_STYLE, overviews
+from gcs_mosaic.notes.ground.places import GeoPlace
 from gcs_mosaic.notes.texts import iso, shown
 from gcs_mosaic.render.display import display_of
 from gcs_mosaic.stitch.arrays import ImageBGR
@@ -26,8 +28,10 @@ logger = logging.getLogger(__name__)
 
 CROP = 400  # px of the original, a side
 MOST_CROPS = 60  # each is decoded from its original
+MOST_MAPS = 12  # of islands with finds
 QUALITY = 85
-STYLE = """
+STYLE = (
+    """
 @page { size: A4; margin: 12mm }
 body { font: 10pt/1.35 system-ui, sans-serif; color: #000; background: #fff; margin: 0 auto; max-width: 186mm }
 h1 { font-size: 14pt; margin: 0 } h2 { font-size: 11pt; margin: 0 0 1mm }
@@ -36,7 +40,11 @@ article { border: 0.3mm solid #888; padding: 2mm; break-inside: avoid; overflow-
 img, .none { display: block; width: 100%; aspect-ratio: 3 / 2; object-fit: cover; background: #ddd; margin-bottom: 1mm }
 figure { margin: 0; position: relative }
 p { margin: 0; white-space: pre-wrap } small { color: #333 }
+table { border-collapse: collapse; margin: 2mm 0 } th, td { text-align: left; vertical-align: top; padding: 0 4mm 0.5mm 0 }
+th { font-weight: normal; color: #333 }
 """
+    + OVERVIEW_STYLE
+)
 # Nothing is loaded, no script runs, and of styles only these.
 POLICY = (
     "default-src 'none'; img-src data:; "
@@ -45,18 +53,28 @@ POLICY = (
 
 
 def as_report(finds: Sequence[PlacedFind], flight: str, view: FlightView, made_utc: float) -> str:
-    """The report; `made_utc` in seconds since 1970. It loads nothing, and no script runs in it."""
-    crops = _crops(finds[:MOST_CROPS], view)
-    cards = "\n".join(_card(one, crops.get(one.find.id)) for one in finds)
-    anchored = bool(finds) and all(one.geo is not None for one in finds)
-    title = html.escape(f"{shown(flight)}: {len(finds)} finds")
-    said = "" if anchored else f"<p>{html.escape(NO_ANCHOR)}</p>"
+    """The report; `made_utc` in seconds since 1970."""
+    said = "".join(f"<p>{html.escape(text)}</p>" for text in anchor_words(finds))
+    maps = "\n".join(one.figure(marks) for one in overviews(view.root, MOST_MAPS) if (marks := one.marks(finds)))
+    body = f"<p>{iso(made_utc)}</p>{said}\n{maps}\n{cards(finds, view)}"
+    return document(f"{shown(flight)}: {in_number(finds)}", body)
+
+
+def document(title: str, body: str) -> str:
+    """A page of this HTML: it loads nothing, and no script runs in it."""
+    name = html.escape(title)
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        f"<title>{title}</title><style>{STYLE}</style></head>\n"
-        f'<body><h1>{title}</h1><p>{iso(made_utc)}</p>{said}\n<div class="finds">\n{cards}\n</div></body></html>\n'
+        f"<title>{name}</title><style>{STYLE}</style></head>\n<body><h1>{name}</h1>{body}</body></html>\n"
     )
+
+
+def cards(finds: Sequence[PlacedFind], view: FlightView) -> str:
+    """HTML of all finds, the first `MOST_CROPS` with their crops."""
+    crops = _crops(finds[:MOST_CROPS], view)
+    found = "\n".join(_card(one, crops.get(one.find.id)) for one in finds)
+    return f'<div class="finds">\n{found}\n</div>'
 
 
 def _card(one: PlacedFind, crop: bytes | None) -> str:
@@ -67,9 +85,7 @@ def _card(one: PlacedFind, crop: bytes | None) -> str:
         picture = f'<img alt="{name}" src="data:image/jpeg;base64,{base64.b64encode(crop).decode("ascii")}">'
     where = f"island {place.island}, canvas {place.x:.1f}, {place.y:.1f}"
     if one.geo is not None:
-        where = (
-            f"{one.geo.latitude_deg:.6f}, {one.geo.longitude_deg:.6f} (within {math.ceil(one.geo.error_m)} m); {where}"
-        )
+        where = f"{coordinate(one.geo)}; {where}"
     if find.binding.frame is not None and find.binding.pixel is not None:
         where += f"; {shown(find.binding.frame)} at {find.binding.pixel[0]:.0f}, {find.binding.pixel[1]:.0f}"
     when = f"{find.who}, {iso(find.created_utc)}"
@@ -77,6 +93,11 @@ def _card(one: PlacedFind, crop: bytes | None) -> str:
         f"<article><figure>{picture}</figure><h2>{find.id}. {name}</h2><p>{html.escape(find.note)}</p>"
         f"<small>{html.escape(find.kind)} &middot; {html.escape(when)}<br>{html.escape(where)}</small></article>"
     )
+
+
+def coordinate(geo: GeoPlace) -> str:
+    """Latitude and longitude with how far off they may be, as people write them down."""
+    return f"{geo.latitude_deg:.6f}, {geo.longitude_deg:.6f} (within {math.ceil(geo.error_m)} m)"
 
 
 def _crops(finds: Sequence[PlacedFind], view: FlightView) -> dict[int, bytes]:

@@ -10,7 +10,19 @@ from aiohttp import web
 from gcs_mosaic.hints.settings import HintSettings
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web import documents, live, tiles
-from gcs_mosaic.web.api import anchors, finds, flight, frames, hints, hints_dismissed, layers, maps, reviews, scale
+from gcs_mosaic.web.api import (
+    anchors,
+    finds,
+    flight,
+    frames,
+    handed_over,
+    hints,
+    hints_dismissed,
+    layers,
+    maps,
+    reviews,
+    scale,
+)
 from gcs_mosaic.web.api.common import POOL, THREADS, VIEW
 from gcs_mosaic.web.api.notes import add_notes
 from gcs_mosaic.web.api.operations import add_operations
@@ -27,6 +39,7 @@ ROOMS = (
     hints_dismissed,
     anchors,
     maps,
+    handed_over,
     documents,
     tiles,
     live,

@@ -12,6 +12,7 @@ import pytest
 
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.status import read_status
 from tests.running import Running, events_of, flying, frames_of, run, six_pictures
 
 pytestmark = pytest.mark.long
@@ -102,6 +103,7 @@ def test_what_it_is_doing_is_said(again: Path) -> None:
     assert "6 of 8 frames placed" in said
     assert "held-out matches: " in said
     assert "events: 7 matched, 2 missing, 1 duplicate" in said
+    assert read_status(again).startswith("replay: ended, begun ")
 
 
 @pytest.mark.parametrize(

@@ -18,11 +18,12 @@ from typing import Any, NoReturn
 import pytest
 from rich.console import Console
 
-from gcs_mosaic.app.commands.batch import progress_on, stitch
+from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.app.inputs.inbox import Inbox
 from gcs_mosaic.app.inputs.links import ItemSource
 from gcs_mosaic.app.status.flight_log import flight_log
 from gcs_mosaic.app.status.reporter import Reporter
+from gcs_mosaic.app.status.run_progress import RunProgress
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
@@ -183,7 +184,7 @@ def test_brackets_in_names_and_errors_are_no_markup(
     assert "1 x it could not be processed (RuntimeError('[/bold] is no tag'))" in said
     assert "[/o]" in said
     assert "[/d]" in said
-    with progress_on(Console(file=io.StringIO(), force_terminal=True)) as progress:
+    with RunProgress(Console(file=io.StringIO(), force_terminal=True)) as progress:
         progress.add_task("stitching [/b]2.jpg", total=1)
         column = progress.columns[0]
         assert callable(column)

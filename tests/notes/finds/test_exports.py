@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import cv2
+import numpy as np
 import pytest
 
 from gcs_mosaic.cli import main as cli
@@ -20,7 +24,10 @@ from gcs_mosaic.notes.ground.binding import Binding, GroundFollower, GroundPlace
 from gcs_mosaic.notes.ground.places import GeoPlace
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit, number_of, text_of
+from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.views.flight_view import FlightView
+from tests.sure import sure
+from tests.web.small_flight import GREEN, MIDDLE, SmallFlight
 
 EVIL = '=HYPERLINK("http://x") <script>alert(1)</script> & \'"'
 KML = "{http://www.opengis.net/kml/2.2}"
@@ -92,7 +99,34 @@ def test_a_flight_is_exported_by_command(
         )
         assert target.read_text().startswith(begins)
         assert "tent" in target.read_text()
-    assert "1 finds written" in capsys.readouterr().out
+    said = capsys.readouterr().out.splitlines()
+    assert [line for line in said if line.startswith("1 find written to ")] == said[::2]
+    assert all(line.startswith(f"warning: {NO_ANCHOR} Two pins") for line in said[1::2])
+
+
+def test_one_find_without_an_anchor_is_told_among_others(one: PlacedFind) -> None:
+    two = [one, replace(one, geo=GeoPlace(11.5, 48.1, 3.0))]
+    comment = json.loads(as_geojson(two, "f"))["comment"]
+    assert comment.startswith("1 find on islands without an anchor")
+    assert "comment" not in json.loads(as_geojson([], "f"))
+
+
+def test_the_report_shows_where_on_the_map_a_find_lies(one: PlacedFind, tmp_path: Path) -> None:
+    small = SmallFlight(tmp_path)
+    small.paint(Tile(16, MIDDLE, MIDDLE), GREEN)
+    small.write()
+    page = as_report(
+        [replace(one, place=GroundPlace(island=0, x=127.5, y=255.5, number=None))], "f", FlightView(tmp_path), 0.0
+    )
+    assert "<title>f: 1 find</title>" in page
+    circle = re.search(r'<circle cx="([0-9.]+)" cy="([0-9.]+)"', page)
+    assert circle is not None
+    assert tuple(map(float, circle.groups())) == (128.0, 256.0)
+    data = re.search(r'class="map"><img [^>]*base64,([^"]+)"', page)
+    assert data is not None
+    image = sure(cv2.imdecode(np.frombuffer(base64.b64decode(data[1]), np.uint8), cv2.IMREAD_COLOR))
+    assert np.abs(image[64, 64].astype(int) - GREEN).max() < 10
+    assert len(np.unique(image[400, 400])) == 1, "what nobody saw is grey"
 
 
 @pytest.fixture

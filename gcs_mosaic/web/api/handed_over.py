@@ -1,0 +1,145 @@
+"""What a flight hands over: a mission for ground stations, one file for the debriefing, a find as a message."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from aiohttp import web
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.geo.anchor import Anchor
+from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of
+from gcs_mosaic.notes.anchors.pins import SetPin
+from gcs_mosaic.notes.finds.finds import Find, PlacedFind, placed
+from gcs_mosaic.store.documents import Limits
+from gcs_mosaic.store.told_islands import told_islands
+from gcs_mosaic.web.api.asked import asked_query
+from gcs_mosaic.web.api.common import BASE, VIEW, in_thread, missing
+from gcs_mosaic.web.api.finds import ONE
+from gcs_mosaic.web.api.layers import TILES
+from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Media, Operations, Reply
+from gcs_mosaic.web.guard import POLICY
+from gcs_mosaic.web.tile_answer import tagged
+
+OPERATIONS = Operations()
+Pinned = tuple[Sequence[SetPin], bool]  # the pins, and whether positions may lay the map
+TYPES = {
+    "plan": "application/x-qgc-plan+json",
+    "waypoints": "text/plain",
+    "kml": "application/vnd.google-earth.kml+xml",
+    "gpx": "application/gpx+xml",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionQuery:
+    """What is to be flown again; without anything the gaps of all islands with an anchor."""
+
+    island: IslandNumber | None = None
+    looks: Annotated[int, Limits(least=1, most=100), "also what fewer frames saw"] = 1
+    gsd: Annotated[float | None, Limits(least=0.001, most=10), "also what was seen coarser, in metres a pixel"] = None
+    height: Annotated[
+        float | None,
+        Limits(least=1, most=10_000),
+        "over ground as it was flown, in metres, where the pictures do not tell",
+    ] = None
+
+
+@OPERATIONS.add(
+    "GET",
+    BASE + r"/mission.{format:(plan|waypoints|kml|gpx)}",
+    Reply("The file: advice that arms nothing; altitudes are relative to home.", Media(tuple(TYPES.values()))),
+    query=MissionQuery,
+    failures={409: "There is no mission, and why: no anchor, nothing to be flown again, no height.", **NO_NOTES},
+)
+async def mission(request: web.Request) -> web.StreamResponse:
+    """A mission over gaps, and over what was seen too seldom or too coarsely: waypoints, and camera triggers by distance."""
+    asked, notes, kind = asked_query(request, MissionQuery), request.app[NOTES], request.match_info["format"]
+    _, *pinned = await notes.run(notes.pinned)
+    try:
+        text = await in_thread(request, _file, request, asked, pinned, kind)
+    except UsageError as error:
+        raise web.HTTPConflict(text=f"{error}\n") from error
+    headers = {"Content-Disposition": f'attachment; filename="gaps.{kind}"'}
+    return web.Response(text=text, content_type=TYPES[kind], charset="utf-8", headers=headers)
+
+
+@OPERATIONS.add(
+    "GET", f"{BASE}/debriefing.html", Reply("The file; it loads nothing.", Media(("text/html",))), failures=NO_NOTES
+)
+async def debriefing(request: web.Request) -> web.StreamResponse:
+    """One file for the debriefing: the map, the aircraft's way, finds, unseen ground, islands and times."""
+    notes = request.app[NOTES]
+    (_, *pinned), finds = await notes.run(lambda: (notes.pinned(), notes.finds.all()))
+    text = await in_thread(request, _debriefing, request, pinned, finds)
+    from gcs_mosaic.notes.finds.report import POLICY as REPORT_POLICY
+
+    policy = f"{REPORT_POLICY}; frame-ancestors 'none'"
+    headers = {"Content-Disposition": 'attachment; filename="debriefing.html"', POLICY: policy}
+    return web.Response(text=text, content_type="text/html", charset="utf-8", headers=headers)
+
+
+@OPERATIONS.add("GET", f"{ONE}/message.txt", Reply("The text, UTF-8.", tagged=True), failures=NO_NUMBER | NO_NOTES)
+async def message(request: web.Request) -> web.StreamResponse:
+    """A find to be sent: what it is, where and how exactly, when."""
+    from gcs_mosaic.handover.message import as_message
+
+    one, view = await _find(request), request.app[VIEW]
+    text = await in_thread(request, as_message, one, view.root.resolve().name, view)
+    return tagged(request, text.encode("utf-8", "replace"), "text/plain", charset="utf-8")
+
+
+@OPERATIONS.add(
+    "GET",
+    f"{ONE}/crop.jpg",
+    Reply("The picture.", Media(("image/jpeg",)), tagged=True),
+    failures={404: "There is no such find, or no original of it that can be read.", **NO_NOTES},
+)
+async def crop(request: web.Request) -> web.StreamResponse:
+    """What a find shows: 400 px of the original around it."""
+    from gcs_mosaic.handover.message import crop_of_find
+
+    data = await in_thread(request, crop_of_find, await _find(request), request.app[VIEW])
+    if data is None:
+        raise missing("No original that shows it can be read.")
+    return tagged(request, data, "image/jpeg")
+
+
+async def _find(request: web.Request) -> PlacedFind:
+    """The find of the address, where it lies now; not one that was deleted. Raises HTTPNotFound."""
+    notes = request.app[NOTES]
+    (_, *pinned), find = await notes.run(lambda: (notes.pinned(), notes.finds.get(id_of(request))))
+    if find.deleted:
+        raise missing("There is no find of that number.")
+    return (await in_thread(request, _placed, notes, [find], pinned))[0]
+
+
+def _placed(notes: Notes, finds: Sequence[Find], pinned: Pinned) -> list[PlacedFind]:
+    return placed(finds, notes.follower, anchor_of(notes.islands(*pinned)))
+
+
+def _debriefing(request: web.Request, pinned: Pinned, finds: Sequence[Find]) -> str:
+    from gcs_mosaic.handover.debriefing import as_debriefing  # it loads what decodes
+
+    notes, view, tiles = request.app[NOTES], request.app[VIEW], request.app[TILES]
+    shown, laid = _placed(notes, finds, pinned), notes.islands(*pinned)
+    return as_debriefing(view, shown, laid, tiles.islands.of, time.time())
+
+
+def _file(request: web.Request, asked: MissionQuery, pinned: Pinned, kind: str) -> str:
+    from gcs_mosaic.handover.mission import MissionWish, planned
+    from gcs_mosaic.handover.mission_files import MISSION_FILES
+
+    view, tiles = request.app[VIEW], request.app[TILES]
+    islands = [one["id"] for one in told_islands(view.root) if one.get("merged_into") is None]
+    wish = MissionWish(island=asked.island, looks=asked.looks, gsd_m=asked.gsd, height_m=asked.height)
+    anchors = _anchors(request.app[NOTES].islands(*pinned))
+    return MISSION_FILES[kind](planned(view, anchors, islands, tiles.islands.of, wish))
+
+
+def _anchors(laid: Mapping[int, IslandAnchor]) -> dict[int, Anchor]:
+    return {number: one.anchor for number, one in laid.items() if one.anchor is not None}
