@@ -133,7 +133,8 @@ def simulated_flight(asked: argparse.Namespace) -> Flight:
         display=Display() if asked.display else None,
     )
     crowd = Crowd(people=asked.people, vehicles=asked.vehicles, marks=asked.marks)
-    looks = {"relief": asked.relief, "sway": asked.sway, "ground": asked.ground, "camera": camera, "crowd": crowd}
+    air = {"relief": asked.relief, "sway": asked.sway, "leaves": asked.leaves}
+    looks = {**air, "ground": asked.ground, "camera": camera, "crowd": crowd}
     return plan(asked.scenario, asked.size, seed=asked.seed, cache=world_cache(), route=route, **looks)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .canopy import Canopy
 from .display import Display
 from .geometry import (
     Array,
@@ -59,7 +60,8 @@ class Camera:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
     """A camera over a world. relief: scale factor of the world's heights, 0 for a plane. sway: metres that wind moves the tops
-    of the tallest trees (standard deviation), in a world where it moves any; places on crowns are those in still air.
+    of the tallest trees (standard deviation), in a world where it moves any; places on crowns are those in still air. canopy:
+    leaves over ground and targets; truth tells of the ground beneath.
 
     With relief, walls and crowns render correctly within about 40 degrees of nadir; more oblique views smear them. In a
     sheer world rays are traced to their first intersection, so tall objects occlude what is behind them.
@@ -71,6 +73,7 @@ class Scene:
     sway: float = SWAY
     seed: int = 1
     targets: tuple[Target, ...] = ()
+    canopy: Canopy | None = None
 
     def surface(self, x: Array, y: Array) -> Array:
         """Heights in metres at x, y (any shape)."""
@@ -137,6 +140,8 @@ class Scene:
         if self.world.water is not None:
             shimmer(colours, self.world.water_at(x, y), state, rays)
         paint_targets(colours, self.targets, state, self.pixels_from_ground)
+        if self.canopy is not None:
+            self.canopy.cover(colours, state, rays)
         horizon_near = down < 0.25 * np.sqrt(east * east + south * south)
         if horizon_near.any():
             veil(colours, state, (east, south, down))

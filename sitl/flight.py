@@ -12,6 +12,7 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from .camera import SWAY, Camera, Scene
+from .canopy import Canopy
 from .geometry import CameraState, Lens, ground_from_pixels
 from .path import SCENARIOS, Plan, fly
 from .targets import Crowd, spread
@@ -57,7 +58,8 @@ class Options(TypedDict, total=False):
     """Optional parameters of a flight.
 
     seed: of the ground, the wind and the noise. cache: folder of painted worlds. ground: one of GROUNDS. relief: scale
-    factor of the heights, 0 for a plane. sway: as of a Scene. camera: its lens keeps focal and k1, its size is overridden.
+    factor of the heights, 0 for a plane. sway: as of a Scene. leaves: share of the ground that a canopy hides. camera: its
+    lens keeps focal and k1, its size is overridden.
     world_size: pixels of 0.1 m; default the smallest of WORLD_SIZES that contains the flight. route: frames, height, overlaps;
     its seed is overridden. crowd: number of people, vehicles and marks.
     """
@@ -66,6 +68,7 @@ class Options(TypedDict, total=False):
     cache: Path | None
     relief: float
     sway: float
+    leaves: float
     ground: str
     camera: Camera
     world_size: int
@@ -87,7 +90,9 @@ def plan(scenario: str, size: tuple[int, int] = (1200, 900), **options: Unpack[O
     world = make_world(seed, world_size, cache=options.get("cache"), ground=options.get("ground", COUNTRY))
     targets = spread(options.get("crowd", Crowd()), camera.lens, states, route.height, seed)
     air = {"relief": options.get("relief", 0.0), "sway": options.get("sway", SWAY)}
-    scene = Scene(world=world, camera=camera, seed=seed, targets=targets, **air)
+    leaves = options.get("leaves", 0.0)
+    canopy = Canopy(leaves, seed=seed) if leaves else None
+    scene = Scene(world=world, camera=camera, seed=seed, targets=targets, canopy=canopy, **air)
     return Flight(scene=scene, states=tuple(states), names=tuple(camera_names(len(states), camera.sensor.suffix)))
 
 

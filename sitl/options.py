@@ -41,6 +41,9 @@ def what(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--sway", type=length, default=SWAY, metavar="M", help=f"of the tallest tops in 'woods', metres ({SWAY:g})"
     )
+    group.add_argument(
+        "--leaves", type=share, default=0.0, metavar="D", help="over all, which hide this share of the ground (0)"
+    )
     group.add_argument("--strangers", type=int, default=0, metavar="N", help="pictures of elsewhere, in 'lost' (0)")
     group.add_argument("--seed", type=int, default=1, help="of the ground, the wind, the noise and the link (1)")
     group.add_argument("--frames", type=Path, metavar="DIR", help="fly these photographs instead, in name order")

@@ -22,6 +22,7 @@ CLIMB_RATIO = 3.0
 GAP = 1.6  # picture lengths between the last frame before the gap and the first after it: no overlap, whatever the wind
 LOOKS = np.radians([72, 55, 75, 66])  # tilts of oblique frames; the half field of view is 22, so most see the horizon
 OBLIQUE_EVERY = 5  # frames
+CLOSE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +136,24 @@ def oblique(lens: Lens, plan: Plan) -> list[Station]:
     return stations
 
 
+def line(lens: Lens, plan: Plan) -> list[Station]:
+    """North along one line, pictures CLOSE times as close as the forward overlap says: many looks at few places."""
+    step = steps(lens, plan)[0] / CLOSE
+    south = (plan.frames - 1) / 2 * step
+    return [Station(x=0.0, y=south - k * step, height=plan.height, course=0.0) for k in range(plan.frames)]
+
+
+def circle(lens: Lens, plan: Plan) -> list[Station]:
+    """Once around the middle, which every picture shows: a quarter of a picture's shorter side away from it."""
+    radius = min(lens.footprint(plan.height)) / 4
+    turns = np.arange(plan.frames) / plan.frames * 2 * np.pi
+    places = radius * np.stack([np.sin(turns), -np.cos(turns)], axis=-1)
+    return [
+        Station(x=float(x), y=float(y), height=plan.height, course=float(turn + np.pi / 2))
+        for (x, y), turn in zip(places, turns, strict=True)
+    ]
+
+
 def mission(_lens: Lens, plan: Plan) -> list[Station]:
     """The pictures of a mission file. Raises ValueError without one."""
     if plan.waypoints is None:
@@ -147,6 +166,8 @@ SCENARIOS: dict[str, Route] = {
     "climb": climb,
     "lost": lost,
     "oblique": oblique,
+    "line": line,
+    "circle": circle,
     "mission": mission,
 }
 

@@ -33,7 +33,7 @@ from .ground.shapes import Land
 from .ground.snow import paint_snow
 from .ground.suburb import raise_suburb
 from .ground.water import paint_water
-from .ground.woods import raise_woods
+from .ground.woods import paint_floor, raise_woods
 from .wind import Wind
 
 PAINT_VERSION = 1  # increment when a seed's picture changes: invalidates cached worlds
@@ -139,6 +139,7 @@ BARE: dict[str, Callable[[int, int, float], Image]] = {
     "berries": lambda seed, size, gsd: paint_drills(BERRIES, seed, size, gsd),
     "vines": lambda seed, size, gsd: paint_drills(VINES, seed, size, gsd),
     "snow": paint_snow,
+    "floor": paint_floor,
 }  # grounds with a picture only, (seed, side in pixels, metres per pixel) -> picture; their heights are hills
 RAISED: dict[str, Callable[[int, int, float], tuple[Image, Field]]] = {
     "orchard": raise_orchard,

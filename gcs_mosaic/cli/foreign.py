@@ -15,7 +15,7 @@ from gcs_mosaic.store.log import masked
 
 logger = logging.getLogger(__name__)
 
-OF_A_FLIGHT = frozenset({"serve", "status", "vehicle", "check", "anchor", "export", "merge"})
+OF_A_FLIGHT = frozenset({"serve", "status", "vehicle", "check", "anchor", "export", "merge", "integral"})
 SAID = (UsageError, CannotWrite, FlightFailed, NothingPlaced)  # they are sentences already
 
 

@@ -193,6 +193,22 @@ def export_flight(given: argparse.Namespace) -> None:
     print(export(given.flight, given.format, wish, Console(stderr=True)))
 
 
+def integral(given: argparse.Namespace) -> None:
+    """Lay all looks at a place together."""
+    from gcs_mosaic.cli.through_trees import integral_wish
+    from gcs_mosaic.export.integral_file import write_integral
+
+    print(write_integral(given.flight, given.out, integral_wish(given)))
+
+
+def looks(given: argparse.Namespace) -> None:
+    """Say how to fly for a number of looks."""
+    from gcs_mosaic.cli.through_trees import flying_wish
+    from gcs_mosaic.integral.how_to_fly import flying_words
+
+    print(flying_words(flying_wish(given)))
+
+
 def anchor(given: argparse.Namespace) -> None:
     """Show how the map lies on earth, and change what it is laid by."""
     from gcs_mosaic.notes.anchors.anchor_flight import AnchorChange, anchor_flight
@@ -242,6 +258,8 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
     "anchor": anchor,
     "pair": pair,
     "export": export_flight,
+    "integral": integral,
+    "looks": looks,
     "benchmark": benchmark,
     "config": config,
     "demo": demo,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args
 
 from gcs_mosaic.cli.aircraft import add_recorded_frames, add_sources, add_vehicles, of_each_aircraft
+from gcs_mosaic.cli.through_trees import add_flying, add_integral
 from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
 from gcs_mosaic.errors import UsageError
@@ -470,6 +471,8 @@ COMMANDS: Mapping[str, tuple[str, Add, Mapping[str, Any]]] = {
         _add_export,
         {},
     ),
+    "integral": ("what lies beneath leaves at a place: all looks laid together", add_integral, {}),
+    "looks": ("how to fly for so many looks at each place", add_flying, {}),
     "benchmark": ("what a frame costs on this machine", _add_benchmark, {}),
     "config": ("all settings with their defaults and reasons, as YAML", _add_nothing, {}),
     "demo": ("a simulated flight into the program and its page", _add_nothing, {}),

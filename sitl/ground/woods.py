@@ -76,6 +76,16 @@ def raise_woods(seed: int, size: int, gsd: float) -> Woods:
     return Woods(picture, heights, owners(trees, size // OWNER_CELL, gsd * OWNER_CELL))
 
 
+def paint_floor(seed: int, size: int, gsd: float) -> Image:
+    """(size, size, 3) BGR: the floor of such a wood alone, evenly lit."""
+    rng = np.random.default_rng([seed, 23])
+    side = size * gsd
+    ground = floor(rng, wander(rng, side), size // CELL, gsd * CELL)
+    picture = np.asarray(cv2.resize(ground, (size, size), interpolation=cv2.INTER_CUBIC), np.uint8)
+    weather(picture, strewn_grain(rng, size, gsd))
+    return picture
+
+
 def stand(rng: np.random.Generator, side: float) -> Iterator[Tree]:
     """Trees near the points of a grid, except in glades; neighbours are of similar height."""
     count, coarse = int(side / APART), max(4, int(side / GLADE_CELL))

@@ -1,0 +1,131 @@
+"""The looks at a window of a flight's map, cut out of its originals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.decode import Unreadable
+from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
+from gcs_mosaic.integral.stack import GroundWindow, Look
+from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.render.vignetting import brightening
+from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
+from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
+from gcs_mosaic.views.decoding import original_pixels
+from gcs_mosaic.views.flight_view import FlightView, pixels_of
+from gcs_mosaic.views.pictures import REDUCTIONS
+
+# Shares of the flying height between which the focus can be moved: over woods the map may lie by the crowns, with the ground
+# below it; above half of the way to the camera nothing is sought.
+LOWEST, HIGHEST = -0.4, 0.5
+MOST_LOOKS = 100  # in memory: 100 of 400 x 400 px in colour are 200 MB
+RIM = 2.0  # px of the original kept around what is cut out, for interpolation
+
+PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
+
+
+@dataclass(frozen=True, slots=True)
+class FlightLooks:
+    """Looks in order of arrival. `lost`: frames that saw the window, but whose originals cannot be read; `left_out`: of more than
+    MOST_LOOKS."""
+
+    looks: Sequence[Look]
+    lost: Sequence[str]
+    left_out: int
+
+
+def looks_at(view: FlightView, island: int, window: GroundWindow) -> FlightLooks:
+    """All painted frames that see a window's middle, on the ground. Raises UsageError where no two of them can be read."""
+    table = view.table()
+    point = (window.x, window.y, window.x, window.y)
+    near = [table.frames[index].number for index in table.near(island, point)]
+    painted = [(number, one) for number in near if (one := view.painted(number)) is not None and _sees(one, window)]
+    if not painted:
+        raise UsageError(f"No frame of island {island} sees ({window.x:g}, {window.y:g}): give a place on its map.")
+    step = -(-len(painted) // MOST_LOOKS)
+    looks, lost = list[Look](), list[str]()
+    for number, one in painted[::step]:
+        look = _look(view, number, one, window)
+        lost.append(one.name) if look is None else looks.append(look)
+    if len(looks) < 2:
+        raise UsageError(_too_few(len(painted), lost))
+    return FlightLooks(looks, lost, len(painted) - len(painted[::step]))
+
+
+def _too_few(count: int, lost: Sequence[str]) -> str:
+    if count < 2:
+        return "Only one frame sees this place, and an integral needs two at least: open the original instead."
+    return (
+        f"Of the {count} frames that see this place, the originals of {len(lost)} cannot be read ({lost[0]} is the first), and "
+        "an integral needs two at least: bring them back with gcs-mosaic check --repair --frames DIR."
+    )
+
+
+def _sees(painted: RenderItem, window: GroundWindow) -> bool:
+    x, y = pixels_of(painted, np.array([[window.x, window.y]]))[0].tolist()
+    (left, top), (right, bottom) = painted.dead.limits(painted.camera.width, painted.camera.height)
+    return bool(left < x < right and top < y < bottom)  # NaN is outside too
+
+
+def _look(view: FlightView, number: int, painted: RenderItem, window: GroundWindow) -> Look | None:
+    """None where the original cannot be read, or is of another kind than what was painted."""
+    record = view.frame(number)
+    if record is None or not record.width:
+        return None
+    scale = record.width / painted.camera.width
+    reduction = _reduction(painted, window, scale)
+    image = original_pixels(view, record, reduction)
+    if isinstance(image, Unreadable) or not painted.display.fits(image):
+        return None
+    return _cut(painted, image, window, reduction / scale)
+
+
+def _reduction(painted: RenderItem, window: GroundWindow, scale: float) -> int:
+    """So many times smaller the original is read, and still is as fine as the window's pixels."""
+    middle = pixels_of(painted, np.array([[window.x, window.y]]))
+    own = float(ground_sampling_distance(painted.pose, painted.camera, middle)[0]) / scale
+    return max(one for one in REDUCTIONS if one == 1 or one * own <= window.cell)
+
+
+def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: float) -> Look:
+    """What may be seen of the window in any focus, in grey levels of one light. `reduction`: px of the camera per px of image."""
+    left, top, right, bottom = _box(painted, image, window, reduction)
+    levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
+    levels = levels * np.asarray(painted.gain, np.float32)
+    x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
+    pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
+    bright = brightening(painted.vignetting, pixels, painted.camera.width, painted.camera.height)
+    return Look(
+        name=painted.name,
+        pose=painted.pose,
+        camera=painted.camera,
+        image=np.ascontiguousarray(levels * bright, np.float32),
+        relief=painted.relief,
+        left=left * reduction,
+        top=top * reduction,
+        reduction=reduction,
+        dead=painted.dead,
+        still=painted.still,
+    )
+
+
+def _box(painted: RenderItem, image: FloatImage | Bands, window: GroundWindow, reduction: float) -> PixelBox:
+    """Columns and rows of the image that show the window at any height between LOWEST and HIGHEST."""
+    above = camera_height(painted.pose, painted.camera)
+    places, _ = window.lattice()
+    seen = np.vstack([_pixels(painted, places, share * above) for share in (LOWEST, 0.0, HIGHEST)])
+    seen = seen[np.isfinite(seen).all(axis=1)]
+    size = np.array([image.shape[1], image.shape[0]])
+    if not len(seen):
+        return 0, 0, int(size[0]), int(size[1])
+    low = np.clip(np.floor(seen.min(axis=0) / reduction - RIM), 0, size - 1).astype(int)
+    high = np.clip(np.ceil(seen.max(axis=0) / reduction + RIM), low + 1, size).astype(int)
+    return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+
+
+def _pixels(painted: RenderItem, places: PointsNx2, height: float) -> PointsNx2:
+    return pixels_at(painted.pose, painted.camera, painted.relief, places, height)

@@ -1,0 +1,81 @@
+"""A lens over a place of the map: its looks are kept in memory, so that moving the focus or the aperture only lays them anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.integral.aperture import SyntheticAperture, aperture_of
+from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, looks_at
+from gcs_mosaic.integral.focal_plane import camera_height
+from gcs_mosaic.integral.forms import LEAST_LOOKS
+from gcs_mosaic.integral.stack import GroundWindow, Look, LookStack, laid_together
+from gcs_mosaic.stitch.arrays import Vector2
+from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
+from gcs_mosaic.views.flight_view import FlightView, pixels_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroundLens:
+    """The looks at a window of an island. Heights are shares of the flying height, above the map's ground: what images tell of
+    heights does not depend on the focal length then."""
+
+    window: GroundWindow
+    looks: Sequence[Look]
+    lost: Sequence[str]  # frames whose originals cannot be read
+    left_out: int  # looks beyond those that are kept in memory
+
+    @property
+    def middle(self) -> Vector2:
+        return np.array([self.window.x, self.window.y])
+
+    @property
+    def flying_height(self) -> float:
+        """Canvas units: that of the middle one of the looks."""
+        return float(np.median([camera_height(one.pose, one.camera) for one in self.looks]))
+
+    def opened(self, share: float) -> list[Look]:
+        """The looks of an aperture opened so far: those nearest to the middle of all that see the place, but two at least."""
+        nadirs = np.array([[one.pose.x, one.pose.y] for one in self.looks])
+        away = np.linalg.norm(nadirs - nadirs.mean(axis=0), axis=1)
+        least = float(np.sort(away)[LEAST_LOOKS - 1])
+        widest = max(share * float(away.max()), least)
+        return [one for one, distance in zip(self.looks, away, strict=True) if distance <= widest]
+
+    def stack(self, height: float, opened: float = 1.0) -> LookStack:
+        """The looks on the plane at a height. Raises UsageError for one where nothing can be in focus."""
+        if not LOWEST <= height <= HIGHEST:
+            raise UsageError(
+                f"A focus at {height:.0%} of the flying height is beyond what can be sought: give one from {LOWEST:.0%} "
+                f"(below the map's ground, which over woods may lie by the crowns) to {HIGHEST:.0%}."
+            )
+        return laid_together(self.opened(opened), self.window, height * self.flying_height)
+
+    def aperture(self, height: float, opened: float = 1.0) -> SyntheticAperture:
+        """Of the looks at the middle. Raises UsageError where they do not overlap at this height."""
+        found = aperture_of(self.opened(opened), self.middle, height * self.flying_height)
+        if found.looks < LEAST_LOOKS:
+            raise UsageError(
+                f"At {height:.0%} of the flying height {found.looks or 'no'} frame sees this place, and an integral needs two at "
+                "least: move the focus towards the ground, or open the aperture."
+            )
+        return found
+
+
+def ground_lens(view: FlightView, island: int, place: tuple[float, float], cells: int) -> GroundLens:
+    """A lens of cells x cells pixels, as fine as the middle one of its looks, about a place on an island's canvas. Raises
+    UsageError where no two frames see it, or can be read."""
+    x, y = place
+    table, at = view.table(), np.array([[x, y]])
+    gsds = []
+    for index in table.near(island, (x, y, x, y)):
+        painted = view.painted(table.frames[index].number)
+        if painted is not None:
+            gsds.append(float(ground_sampling_distance(painted.pose, painted.camera, pixels_of(painted, at))[0]))
+    cell = float(np.median(known)) if (known := [one for one in gsds if np.isfinite(one) and one > 0]) else 1.0
+    window = GroundWindow(x, y, cell * cells, cells)
+    found = looks_at(view, island, window)
+    return GroundLens(window, found.looks, found.lost, found.left_out)
