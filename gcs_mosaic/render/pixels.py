@@ -27,8 +27,8 @@ KeepBands = Literal["none", "raw", "gained"]  # frames' bands kept on tiles: non
 WHOLE = slice(0, TILE_SIZE), slice(0, TILE_SIZE)
 # Minimum share of a frame wherever it is made: it shows where the frames with larger shares do not cover the tile.
 LEAST_SHARE = 1e-3  # of 255
-# A sharp transition takes half a cell, not a whole one: a person on a seam is transparent on fewer pixels.
 AT_ONCE = 16  # rows of pixels
+# A sharp transition takes half a cell, not a whole one: a person on a seam is transparent on fewer pixels.
 STEEP = np.clip(2 * np.arange(256) - 127.5, 0, 255).astype(np.uint8)
 
 
@@ -138,7 +138,8 @@ def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | N
     else:
         by = bright * np.array(gain, np.float32)
         lit = cv2.multiply(colour, by, dtype=cv2.CV_32F)
-        if int(colour.max(initial=0)) * float(by.max(initial=0)) > SHOULDER:  # few tiles
+        most = float(by.max(initial=0))
+        if most > 1 and int(colour.max(initial=0)) * most > SHOULDER:  # few tiles
             for top in range(0, len(lit), AT_ONCE):  # within the processor's cache: three times as fast
                 rows = slice(top, top + AT_ONCE)
                 lit[rows] = rolled_off(lit[rows], by[rows])
