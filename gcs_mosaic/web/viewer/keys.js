@@ -20,7 +20,7 @@ const KEYS = [
   ["r", "Flight up", () => press("turn-flight-up")],
   ["t", "North up", () => press("turn-north-up")],
   ["f", "Full screen", () => press("full")],
-  ["1 … 9, 0", "Flight, Islands, Layers, Review, Hints, Measure, Finds, Anchor, On other maps, Look", null],
+  ["1 … 9, 0", "Flight, Islands, Layers, Fly the gaps, Review, Hints, Measure, Finds, Anchor, On other maps", null],
   ["+  −", "Nearer, farther", null],
   ["← ↑ → ↓", "Move the map; step through originals", null],
   ["b", "Blink between two originals", null],

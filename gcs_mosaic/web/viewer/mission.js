@@ -1,0 +1,41 @@
+// @ts-check
+// Fly the gaps: what no frame has seen as a mission for a ground station.
+
+import { byId, element } from "/viewer/dom.js";
+import { t } from "/viewer/words.js";
+
+const TIMEOUT_MS = 60000; // gaps of a long flight on a busy machine
+
+export class Mission {
+  constructor() {
+    this.form = byId("mission-form");
+    this.said = byId("mission-said");
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.save();
+    });
+    byId("mission").addEventListener("opened", () => (this.said.textContent = ""));
+  }
+
+  async save() {
+    const { format, looks, height } = this.form.elements;
+    const asked = new URLSearchParams({ looks: looks.value });
+    if (height.value.trim()) asked.set("height", height.value.trim().replace(",", "."));
+    this.said.textContent = t("Asking …");
+    try {
+      const response = await fetch(`/api/v1/mission.${format.value}?${asked}`, { signal: AbortSignal.timeout(TIMEOUT_MS) });
+      if (!response.ok) throw new Error((await response.text()).trim() || `${response.status}`);
+      this.said.textContent = t("Saved. It is advice: look at it in the ground station before it is flown.");
+      offer(await response.blob(), `gaps.${format.value}`);
+    } catch (error) {
+      this.said.textContent = error.message;
+    }
+  }
+}
+
+/** @param {Blob} data */
+function offer(data, name) {
+  const address = URL.createObjectURL(data);
+  element("a", { href: address, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(address), TIMEOUT_MS);
+}
