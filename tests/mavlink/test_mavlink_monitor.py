@@ -36,9 +36,10 @@ def test_silence_is_said_once_and_so_is_its_end() -> None:
     assert texts(ours.tick(9.0)) == []
     assert texts(ours.tick(10.5)) == ["nothing was heard on udpin:0.0.0.0:14550 since it was opened, 10 s ago"]
     assert texts(ours.tick(30.0)) == []
-    assert "again after 31 s" in texts(ours.hear(received(trigger(1)), 31.0))[0]
+    assert "for the first time, 31 s after it was opened" in texts(ours.hear(received(trigger(1)), 31.0))[0]
     assert texts(ours.tick(32.0)) == []
     assert "is silent: nothing for 10 s" in texts(ours.tick(42.0))[0]
+    assert "again after 20 s" in texts(ours.hear(received(trigger(2)), 51.0))[0]
 
 
 def test_silences_are_counted() -> None:

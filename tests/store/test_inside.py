@@ -146,6 +146,8 @@ ALLOWED = {
     "export/cog_layout.py": "where the user wants an export",
     "export/earth_raster.py": "where the user wants an export",
     "export/earth_features.py": "where the user wants an export",
+    "export/missions.py": "where the user wants an export",
+    "export/debriefing.py": "where the user wants an export",
     "export/tile_archives.py": "where the user wants an export",
     "archive/target.py": "makes its marker in a folder that was looked at",
     "archive/sources.py": "files that the user names",
