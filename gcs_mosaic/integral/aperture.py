@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gcs_mosaic.integral.focal_plane import camera_height, direction_to, pixels_at
-from gcs_mosaic.integral.stack import Look
+from gcs_mosaic.integral.stack import GroundLook
 from gcs_mosaic.stitch.arrays import Vector2
 
 
@@ -29,7 +29,7 @@ class SyntheticAperture:
         return math.inf if self.width == 0 else 0.01 * self.height / self.width
 
 
-def seeing(looks: Sequence[Look], place: Vector2, height: float) -> list[Look]:
+def seeing(looks: Sequence[GroundLook], place: Vector2, height: float) -> list[GroundLook]:
     """The looks whose frames show a canvas place (2,) at a height."""
     found = []
     for look in looks:
@@ -40,7 +40,7 @@ def seeing(looks: Sequence[Look], place: Vector2, height: float) -> list[Look]:
     return found
 
 
-def aperture_of(looks: Sequence[Look], place: Vector2, height: float) -> SyntheticAperture:
+def aperture_of(looks: Sequence[GroundLook], place: Vector2, height: float) -> SyntheticAperture:
     """Of the looks that see a canvas place (2,) at a height in canvas units."""
     seen = seeing(looks, place, height)
     if not seen:

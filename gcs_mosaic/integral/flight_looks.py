@@ -10,7 +10,7 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
-from gcs_mosaic.integral.stack import GroundWindow, Look
+from gcs_mosaic.integral.stack import GroundLook, GroundWindow
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import brightening
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
@@ -33,7 +33,7 @@ class FlightLooks:
     """Looks in order of arrival. `lost`: frames that saw the window, but whose originals cannot be read; `left_out`: of more than
     MOST_LOOKS."""
 
-    looks: Sequence[Look]
+    looks: Sequence[GroundLook]
     lost: Sequence[str]
     left_out: int
 
@@ -47,7 +47,7 @@ def looks_at(view: FlightView, island: int, window: GroundWindow) -> FlightLooks
     if not painted:
         raise UsageError(f"No frame of island {island} sees ({window.x:g}, {window.y:g}): give a place on its map.")
     step = -(-len(painted) // MOST_LOOKS)
-    looks, lost = list[Look](), list[str]()
+    looks, lost = list[GroundLook](), list[str]()
     for number, one in painted[::step]:
         look = _look(view, number, one, window)
         lost.append(one.name) if look is None else looks.append(look)
@@ -71,7 +71,7 @@ def _sees(painted: RenderItem, window: GroundWindow) -> bool:
     return bool(left < x < right and top < y < bottom)  # NaN is outside too
 
 
-def _look(view: FlightView, number: int, painted: RenderItem, window: GroundWindow) -> Look | None:
+def _look(view: FlightView, number: int, painted: RenderItem, window: GroundWindow) -> GroundLook | None:
     """None where the original cannot be read, or is of another kind than what was painted."""
     record = view.frame(number)
     if record is None or not record.width:
@@ -91,7 +91,7 @@ def _reduction(painted: RenderItem, window: GroundWindow, scale: float) -> int:
     return max(one for one in REDUCTIONS if one == 1 or one * own <= window.cell)
 
 
-def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: float) -> Look:
+def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: float) -> GroundLook:
     """What may be seen of the window in any focus, in grey levels of one light. `reduction`: px of the camera per px of image."""
     left, top, right, bottom = _box(painted, image, window, reduction)
     levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
@@ -99,7 +99,7 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
     pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
     bright = brightening(painted.vignetting, pixels, painted.camera.width, painted.camera.height)
-    return Look(
+    return GroundLook(
         name=painted.name,
         pose=painted.pose,
         camera=painted.camera,

@@ -12,7 +12,7 @@ from gcs_mosaic.integral.aperture import SyntheticAperture, aperture_of
 from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, looks_at
 from gcs_mosaic.integral.focal_plane import camera_height
 from gcs_mosaic.integral.forms import LEAST_LOOKS
-from gcs_mosaic.integral.stack import GroundWindow, Look, LookStack, laid_together
+from gcs_mosaic.integral.stack import GroundLook, GroundWindow, LookStack, laid_together
 from gcs_mosaic.stitch.arrays import Vector2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
@@ -24,7 +24,7 @@ class GroundLens:
     heights does not depend on the focal length then."""
 
     window: GroundWindow
-    looks: Sequence[Look]
+    looks: Sequence[GroundLook]
     lost: Sequence[str]  # frames whose originals cannot be read
     left_out: int  # looks beyond those that are kept in memory
 
@@ -37,7 +37,7 @@ class GroundLens:
         """Canvas units: that of the middle one of the looks."""
         return float(np.median([camera_height(one.pose, one.camera) for one in self.looks]))
 
-    def opened(self, share: float) -> list[Look]:
+    def opened(self, share: float) -> list[GroundLook]:
         """The looks of an aperture opened so far: those nearest to the middle of all that see the place, but two at least."""
         nadirs = np.array([[one.pose.x, one.pose.y] for one in self.looks])
         away = np.linalg.norm(nadirs - nadirs.mean(axis=0), axis=1)

@@ -49,7 +49,7 @@ class GroundWindow:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class GroundLook:
     """A part of a frame in memory, and where that was taken from.
 
     `image`: (h, w, bands) grey levels of one light in all looks; its pixels are `reduction` pixels of `camera`'s frame wide, and
@@ -76,7 +76,7 @@ class LookStack:
     values: FloatImage
 
 
-def laid_together(looks: Sequence[Look], window: GroundWindow, height: float) -> LookStack:
+def laid_together(looks: Sequence[GroundLook], window: GroundWindow, height: float) -> LookStack:
     """Looks that see some of the window, on the plane at a height in canvas units above the ground."""
     names, values = [], []
     for look in looks:
@@ -89,7 +89,7 @@ def laid_together(looks: Sequence[Look], window: GroundWindow, height: float) ->
     return LookStack(names, np.stack(values) if values else nothing)
 
 
-def laid(look: Look, window: GroundWindow, height: float) -> FloatImage | None:
+def laid(look: GroundLook, window: GroundWindow, height: float) -> FloatImage | None:
     """(cells, cells, bands) of one look, NaN where it sees nothing; None if it sees nothing at all."""
     at = _places(look, window, height)
     seen = _seen(look, at)
@@ -103,7 +103,7 @@ def laid(look: Look, window: GroundWindow, height: float) -> FloatImage | None:
     return values
 
 
-def _places(look: Look, window: GroundWindow, height: float) -> Lattice:
+def _places(look: GroundLook, window: GroundWindow, height: float) -> Lattice:
     """Pixels (cells, cells, 2) of the look's image at the window's pixels; NaN where its lens cannot see them."""
     places, count = window.lattice()
     pixels = pixels_at(look.pose, look.camera, look.relief, places, height)
@@ -113,7 +113,7 @@ def _places(look: Look, window: GroundWindow, height: float) -> Lattice:
     return np.ascontiguousarray(wide[STEP // 2 :, STEP // 2 :][: window.cells, : window.cells], np.float32)
 
 
-def _seen(look: Look, at: Lattice) -> Mask:
+def _seen(look: GroundLook, at: Lattice) -> Mask:
     """Where the frame, and what of it is in memory, shows something (h, w), by pixels of the image (h, w, 2)."""
     low, high = look.dead.limits(look.camera.width, look.camera.height)
     corner, rows_columns = np.array([look.left, look.top]), look.image.shape[:2]

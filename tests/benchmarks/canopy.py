@@ -30,7 +30,7 @@ import sitl.flight
 from gcs_mosaic.integral.focal_plane import pixels_at
 from gcs_mosaic.integral.forms import FORMS, looks_of, mean
 from gcs_mosaic.integral.hot_places import HotPlace, oddity, peaks
-from gcs_mosaic.integral.stack import GroundWindow, Look, laid_together
+from gcs_mosaic.integral.stack import GroundLook, GroundWindow, laid_together
 from gcs_mosaic.stitch.arrays import FloatImage
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.mosaic import Mosaic
@@ -101,12 +101,12 @@ def speed() -> None:
     poses = [
         Pose(float(x), float(y), 0.0, 0.1, 0.02, -0.02) for x in range(-1000, 1001, 400) for y in range(-800, 801, 400)
     ]
-    window, looks = GroundWindow(0.0, 0.0, 400.0, 400), list[Look]()
+    window, looks = GroundWindow(0.0, 0.0, 400.0, 400), list[GroundLook]()
     for number, pose in enumerate(poses):
         x, y = pixels_at(pose, camera, None, np.zeros((1, 2)), 0.0)[0]
         left, top = float(max(0, x // 1 - 400)), float(max(0, y // 1 - 400))
         image = rng.random((800, 800, 3), np.float32) * 255
-        looks.append(Look(f"{number}", pose, camera, image, left=left, top=top))
+        looks.append(GroundLook(f"{number}", pose, camera, image, left=left, top=top))
     for name, form in FORMS.items():
         times = []
         for height in (0.0, 20.0, 40.0, 60.0, 80.0):
@@ -225,13 +225,13 @@ def pictures(flight: sitl.flight.Flight, kind: str) -> list[FloatImage]:
     return found
 
 
-def true_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple[list[Look], Units, float]:
+def true_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple[list[GroundLook], Units, float]:
     """The looks where the cameras were, the metres of a canvas unit and so on, and the ground's height, canvas units."""
     lens = flight.scene.camera.lens
     gsd = HEIGHT / lens.focal_px
     camera = Camera(lens.width, lens.height, lens.focal, lens.k1)
     states = zip(flight.names, flight.states, images, strict=True)
-    looks = [Look(name, true_pose(state, lens, gsd), camera, image) for name, state, image in states]
+    looks = [GroundLook(name, true_pose(state, lens, gsd), camera, image) for name, state, image in states]
     return looks, Units(np.array([[gsd, 0.0], [0.0, gsd]]), np.zeros(2)), 0.0
 
 
@@ -260,7 +260,7 @@ class Units:
         return np.asarray(np.linalg.solve(self.turn, np.array([x, y]) - self.shift))
 
 
-def own_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple[list[Look], Units, float]:
+def own_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple[list[GroundLook], Units, float]:
     """The looks where the map's own adjustment has the cameras, laid on the true ones for scoring alone."""
     mosaic = Mosaic()
     for name, image in zip(flight.names, images, strict=True):
@@ -269,7 +269,7 @@ def own_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple
     placed, by_name = mosaic.placements(), dict(zip(flight.names, zip(flight.states, images, strict=True), strict=True))
     islands = [one.island for one in placed]
     placed = [one for one in placed if one.island == max(set(islands), key=islands.count)]
-    looks = [Look(one.name, one.pose, one.camera, by_name[one.name][1], one.relief) for one in placed]
+    looks = [GroundLook(one.name, one.pose, one.camera, by_name[one.name][1], one.relief) for one in placed]
     canvas = np.array([[one.pose.x, one.pose.y] for one in looks])
     world = np.array([[by_name[one.name][0].x, by_name[one.name][0].y] for one in looks])
     units = similarity(canvas, world)
@@ -283,7 +283,7 @@ def own_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple
     return looks, units, float(heights[best])
 
 
-def median_contrast(looks: Sequence[Look], targets: Sequence[Target], units: Units, height: float) -> float:
+def median_contrast(looks: Sequence[GroundLook], targets: Sequence[Target], units: Units, height: float) -> float:
     return float(np.median([person_contrast(looks, one, units, height)[0] for one in targets[::3]]))
 
 
@@ -301,12 +301,12 @@ def residual(units: Units, canvas: Floats, world: Floats) -> float:
     return float(np.sqrt((((canvas @ units.turn.T + units.shift) - world) ** 2).sum(axis=1).mean()))
 
 
-def taken(looks: Sequence[Look], count: int) -> list[Look]:
+def taken(looks: Sequence[GroundLook], count: int) -> list[GroundLook]:
     """Every so many, so that each place has `count` looks."""
     return [look for number, look in enumerate(looks) if number % 6 in TAKEN[count]]
 
 
-def scored(looks: Sequence[Look], targets: Sequence[Target], units: Units, height: float) -> Scored:
+def scored(looks: Sequence[GroundLook], targets: Sequence[Target], units: Units, height: float) -> Scored:
     """All people and hints of a hectare."""
     pairs = [person_contrast(looks, one, units, height) for one in targets]
     hints, singles, ones = list[HotPlace](), list[HotPlace](), list[HotPlace]()
@@ -329,7 +329,7 @@ def blocks(units: Units) -> Iterator[GroundWindow]:
             yield GroundWindow(float(at[0]), float(at[1]), (BLOCK + 2 * MARGIN) / units.metres, cells)
 
 
-def may_see(look: Look, window: GroundWindow) -> bool:
+def may_see(look: GroundLook, window: GroundWindow) -> bool:
     """By distance alone."""
     reach = math.exp(look.pose.log_gsd) * look.camera.half_diagonal * 1.3 + window.side
     return math.hypot(look.pose.x - window.x, look.pose.y - window.y) < reach
@@ -365,7 +365,7 @@ def named(hints: Sequence[HotPlace], targets: Sequence[Target], units: Units) ->
     return found
 
 
-def person_contrast(looks: Sequence[Look], target: Target, units: Units, height: float) -> tuple[float, float]:
+def person_contrast(looks: Sequence[GroundLook], target: Target, units: Units, height: float) -> tuple[float, float]:
     """In the integral, and in the best single frame."""
     x, y = units.canvas(*target.place(0.0))
     cell = HEIGHT / Lens(width=SIZE[0], height=SIZE[1]).focal_px
@@ -388,7 +388,7 @@ def contrast(values: NDArray[np.float32], cell: float) -> float:
 
 
 def write_pictures(
-    folder: Path, hidden: float, looks: Sequence[Look], who: Target, units: Units, height: float
+    folder: Path, hidden: float, looks: Sequence[GroundLook], who: Target, units: Units, height: float
 ) -> None:
     """The integral of all looks about one person, and of five, and one look."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -106,7 +106,7 @@ def empty(tmp_path: Path) -> Path:
         (
             ["fly"],
             "'fly' is no command (those are stitch, merge, reprocess, replay, serve, status, vehicle, check, anchor, pair, "
-            "export, benchmark, config, demo)",
+            "export, integral, looks, benchmark, config, demo)",
         ),
         (["stitch", ".", "--fly"], "unrecognized arguments: --fly (gcs-mosaic stitch --help shows what there is)"),
         (["stitch", ".", "--out", "./"], "is the folder of the frames: choose another one"),

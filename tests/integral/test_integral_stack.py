@@ -9,7 +9,7 @@ import pytest
 from gcs_mosaic.integral.aperture import aperture_of
 from gcs_mosaic.integral.focal_plane import camera_height, direction_to, pixels_at
 from gcs_mosaic.integral.forms import FORMS, looks_of, mean
-from gcs_mosaic.integral.stack import GroundWindow, Look, LookStack, laid_together
+from gcs_mosaic.integral.stack import GroundLook, GroundWindow, LookStack, laid_together
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 
@@ -41,13 +41,13 @@ def test_above_the_camera_nothing_is_seen() -> None:
     assert direction_to(pose, CAMERA, np.array([pose.x, pose.y]), 0.0) == pytest.approx([0, 0, 1])
 
 
-def dotted(pose: Pose, place: np.ndarray, height: float) -> Look:
+def dotted(pose: Pose, place: np.ndarray, height: float) -> GroundLook:
     """A frame that shows a bright dot at a place in space, and nothing else."""
     image = np.zeros((CAMERA.height, CAMERA.width), np.float32)
     x, y = pixels_at(pose, CAMERA, None, place[None], height)[0]
     columns, rows = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))
     image += np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / 2).astype(np.float32) * 100
-    return Look(f"{pose.x},{pose.y}", pose, CAMERA, image[..., None])
+    return GroundLook(f"{pose.x},{pose.y}", pose, CAMERA, image[..., None])
 
 
 def brightest_place(values: np.ndarray) -> tuple[float, float]:
@@ -68,13 +68,13 @@ def test_what_is_in_focus_stands_still_and_what_is_not_blurs(height: float) -> N
 def test_a_part_of_a_frame_in_memory_shows_what_the_whole_does() -> None:
     whole = dotted(POSES[2], np.array([5.0, -3.0]), 10.0)
     left, top = 40, 30
-    part = Look("part", whole.pose, whole.camera, whole.image[top:200, left:280], left=left, top=top)
+    part = GroundLook("part", whole.pose, whole.camera, whole.image[top:200, left:280], left=left, top=top)
     seen, parted = (laid_together([one], WINDOW, 10.0).values for one in (whole, part))
     assert np.nanmax(np.abs(seen - parted)) < 4  # sampled in steps of 1/32 px, and the dot is as steep as 60 a pixel
     halved = np.asarray(cv2.resize(whole.image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.float32)[
         ..., None
     ]
-    coarse = laid_together([Look("half", whole.pose, whole.camera, halved, reduction=2.0)], WINDOW, 10.0).values
+    coarse = laid_together([GroundLook("half", whole.pose, whole.camera, halved, reduction=2.0)], WINDOW, 10.0).values
     assert brightest_place(coarse[0]) == pytest.approx(brightest_place(seen[0]), abs=1.5)
 
 
