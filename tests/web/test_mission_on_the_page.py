@@ -15,13 +15,13 @@ from tests.web.browser import CHROMIUM, Page, open_browser
 
 pytestmark = [pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine"), pytest.mark.long]
 
-HEAR = """{
+HEAR = """void (() => {
   const made = URL.createObjectURL;
   URL.createObjectURL = (data) => {
     data.text().then((text) => { window.saved = text; });
     return made(data);
   };
-}"""
+})()"""
 SAID = "document.getElementById('mission-said').textContent"
 
 
@@ -47,7 +47,7 @@ def test_the_mission_is_saved(tmp_path: Path) -> None:
         page.evaluate("document.querySelector('#mission-form [name=height]').value = '80,5'")
         save(page)
         page.wait_for("window.saved?.startsWith('QGC WPL 110')")
-        assert "\t80.500000\t" in page.evaluate("window.saved")
+        assert "\t80.50000000\t" in page.evaluate("window.saved")
         assert "advice" in page.evaluate(SAID)
 
 

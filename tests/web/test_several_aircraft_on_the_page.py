@@ -58,7 +58,7 @@ def page(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, flight: Small
 
 @pytest.mark.long
 def test_each_aircraft_has_a_colour_and_can_be_followed(page: Page, tmp_path: Path) -> None:
-    page.wait_for(f"{LEGEND}.length === 3")
+    page.wait_for(f"{LEGEND}.length === 3 && {LEGEND}[0] !== '1 0 frames'")  # until the frames have come
     assert page.evaluate(LEGEND) == ["1 3 frames", "2 3 frames, 4 waiting", "3 0 frames"]
     page.wait_for(f"{MARKS}.length === 2")
     assert page.evaluate(MARKS) == [["1", BLUE_OF_1], ["2", ORANGE_OF_2]]
