@@ -93,15 +93,22 @@ def _heights(text: str) -> tuple[float, ...]:
     return tuple(one / 100 for one in _numbers(text.replace("%", "")))
 
 
+def _number(text: str) -> float:
+    values = _numbers(text)
+    if len(values) != 1:
+        raise argparse.ArgumentTypeError(f"{text} came where one number is wanted, with a point for its decimals")
+    return values[0]
+
+
 def _share(text: str) -> float:
-    value = _numbers(text)[0]
+    value = _number(text)
     if not 0 <= value <= 1:
         raise argparse.ArgumentTypeError(f"{text} came where a share from 0 to 1 is wanted")
     return value
 
 
 def _positive(text: str) -> float:
-    value = _numbers(text)[0]
+    value = _number(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f"{text} came where a number above 0 is wanted")
     return value

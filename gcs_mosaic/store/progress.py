@@ -19,6 +19,7 @@ from gcs_mosaic.store.told_documents import FORMAT, CommandName, ProgressDocumen
 logger = logging.getLogger(__name__)
 
 EACH_S = 1.0
+HUNG_AFTER_S = 30.0  # a busy machine gives the thread that writes it no turn for seconds
 
 
 class RunStep(NamedTuple):
@@ -92,9 +93,6 @@ def progress_lines(document: dict[str, Any], age_s: float) -> list[str]:
     step = RunStep(document["doing"], document["done"], document["of"], document["seconds_left"])
     hangs = [f"nothing was written for {age_s:.0f} s: the program was killed or hangs"] if age_s > HUNG_AFTER_S else []
     return [head, *hangs, step.words()]
-
-
-HUNG_AFTER_S = 30.0  # a busy machine gives the thread that writes it no turn for seconds
 
 
 def left_words(seconds: float) -> str:
