@@ -1,14 +1,30 @@
-"""A certificate for HTTPS on loopback."""
+"""What tests of the page share: a browser, its feed of changes, a certificate for HTTPS on loopback."""
 
 from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from gcs_mosaic.web import app
+from gcs_mosaic.web.feed import Feed
+from tests.web.browser import Page, open_browser
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A laptop's."""
+    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
+        opened.resize(1280, 800)
+        yield opened
+
+
+@pytest.fixture
+def feed() -> Feed:
+    return Feed()
 
 
 @pytest.fixture(scope="session")

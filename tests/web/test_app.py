@@ -76,11 +76,6 @@ def flight(tmp_path: Path) -> SmallFlight:
 
 
 @pytest.fixture
-def feed() -> Feed:
-    return Feed()
-
-
-@pytest.fixture
 def client(tmp_path: Path, feed: Feed) -> Iterator[Client]:
     server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), feed)
     yield Client(server.start())

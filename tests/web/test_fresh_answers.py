@@ -18,7 +18,7 @@ from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
 from gcs_mosaic.web.server import WebServer
 from tests.factories import frame
-from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.browser import CHROMIUM, Page
 from tests.web.seen_flight import CAMERA, HOLE, seen_flight
 from tests.web.small_flight import BLUE, MIDDLE, SmallFlight
 
@@ -29,18 +29,6 @@ GAPS = "document.querySelectorAll('#map path[stroke-dasharray]').length"
 ASKED = "performance.getEntriesByType('resource').filter(({ name }) => name.includes('/gaps')).length"
 TITLE = "document.getElementById('originals-title').innerText"
 OPEN = "!document.getElementById('originals').hidden"
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
-        opened.resize(1280, 800)
-        yield opened
-
-
-@pytest.fixture
-def feed() -> Feed:
-    return Feed()
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.token import Access
 from tests.running import until
 from tests.sure import sure
-from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.browser import CHROMIUM, Page
 from tests.web.small_flight import BLUE, GREEN, MIDDLE, RED, SmallFlight
 from tests.web.test_app import Client, Live
 
@@ -46,18 +46,6 @@ COLOURS = """
 """
 # All that is told, also behind the line of state.
 TEXT = "(document.getElementById('sheet')?.removeAttribute('hidden'), document.body.innerText)"
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
-        opened.resize(1280, 800)
-        yield opened
-
-
-@pytest.fixture
-def feed() -> Feed:
-    return Feed()
 
 
 @pytest.fixture
