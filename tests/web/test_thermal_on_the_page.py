@@ -25,6 +25,7 @@ from tests.web.seen_flight import CAMERA, seen_flight
 from tests.web.small_flight import MIDDLE, SmallFlight
 from tests.web.test_app import Client
 
+IMAGE = f'img[src*="/16/{MIDDLE}/{MIDDLE}."]'
 HAZE = 4.0  # grey levels, deviation of what is seen through it
 COUNTS = Display((0, 0, 0), (27_000,), (29_000,))
 
@@ -63,9 +64,8 @@ def url(flight: SmallFlight) -> Iterator[str]:
 def seen(page: Page, path: Path) -> np.ndarray:
     """What the browser shows of the ground between both tiles, grey (h, w)."""
     box = page.evaluate(
-        "(() => { const boxes = [...document.querySelectorAll('.leaflet-tile img')].filter((one) => one.src.includes('/16/'))"
-        ".map((one) => one.getBoundingClientRect());"
-        " return [Math.min(...boxes.map((one) => one.left)), Math.min(...boxes.map((one) => one.top)), boxes[0].width] })()"
+        f"(() => {{ const box = document.querySelector('{IMAGE}').getBoundingClientRect();"
+        " return [box.left, box.top, box.width] })()"
     )
     page.screenshot(path)
     left, top, side = (round(value) for value in box)
@@ -91,9 +91,7 @@ def test_the_bar_shows_and_the_switch_makes_haze_clearer_without_borders_of_tile
         said = page.evaluate("document.getElementById('thermal').innerText")
         assert "Counts of the camera" in said
         assert "27000" in said
-        page.wait_for(
-            "[...document.querySelectorAll('.leaflet-tile img')].filter((i) => i.src.includes('/16/')).length >= 2"
-        )
+        page.wait_for(f"document.querySelector('{IMAGE}')?.complete")
         before = seen(page, tmp_path / "before.png")
         page.evaluate("document.getElementById('look-local').click()")
         page.wait_for("getComputedStyle(document.querySelector('.leaflet-tile-pane')).filter.includes('local')")
