@@ -15,7 +15,7 @@ import numpy as np
 from gcs_mosaic.render.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells
 from gcs_mosaic.stitch.arrays import Lattice, Mask
 
-OTHER = 24.0  # grey levels; four times the usual difference of images of the same ground
+OTHER = 12.0  # grey levels; twice the usual difference of two images of the same ground (`seam_path.USUAL`)
 CLOSED = 2  # cells: what is alike between two sides of a thing (a roof) is part of it
 RIM = 1  # cells around it: the look is coarse, and an edge reaches into the next cell
 NEARLY = 0.8  # share of a thing that its frame may show; what is left is as it was
@@ -60,11 +60,11 @@ def _of_things(cells: Cells, apart: Lattice) -> np.ndarray[tuple[int, ...], np.d
 
 def _to_second(first: np.ndarray, second: np.ndarray, lead: np.ndarray, may_yield: np.ndarray) -> np.ndarray | None:
     """Of a thing's cells (n,), which are to show their second for (nearly) all to show one frame; None if no frame may, if two
-    are as good, or if two frames each have something here that no other has: someone who walks."""
+    are as good, or if a frame has something here that no other has anywhere: someone who walks."""
     firsts = np.unique(first)
     if len(firsts) == 1:
         return np.zeros(len(first), np.bool_)
-    if len(np.unique(first[lead >= ALONE])) > 1:
+    if (lead >= ALONE).any():
         return None
     worth = []
     for one in firsts.tolist():

@@ -41,7 +41,7 @@ export class Thermal {
     title.textContent = scale.kind === "temperature" ? t("Temperature, {unit}", { unit: scale.unit }) : scale.kind === "counts" ? t("Counts of the camera") : t("Colours of a palette");
     bar.hidden = !scale.colours.length;
     bar.style.background = scale.colours.length ? `linear-gradient(90deg, ${scale.colours.join(", ")})` : "";
-    values.replaceChildren(...scale.values.map((value) => element("span", { textContent: written(scale, value) })));
+    values.replaceChildren(...scale.values.filter((_, at) => at % 2 === 0).map((value) => element("span", { textContent: written(scale, value) })));
     note.textContent = noteOf(scale);
   }
 }
