@@ -99,13 +99,13 @@ def judged(flight: Flight) -> list[Shown]:
     """What the map of a flight shows of each thing that a frame sees whole."""
     with painted_map(simulated(flight), PaintSettings()) as painted:
         window, owner = owners(painted.canvas)
-        return [one for one in all_shown(flight, painted.frames, window, owner)]
+        return list(all_shown(flight, painted.frames, window, owner))
 
 
 def owners(canvas: TileCompositor) -> tuple[Window, NDArray[np.object_]]:
     """The finest tiles that there are, and whose pixels they show (rows, columns of cells)."""
     territory = canvas._territory
-    store, keys = territory._store, [key for key in canvas._recipes]
+    store, keys = territory._store, list(canvas._recipes)
     finest = max(key[1].z for key in keys)
     window = window_around([key for key in keys if key[1].z == finest])
     owned: Owned = territory._owned([key for key in window.tiles() if (key, "owned") in store], window)
