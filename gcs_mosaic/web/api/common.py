@@ -21,13 +21,20 @@ LARGEST_BODY = 1 << 16  # bytes
 
 VIEW = web.AppKey("view", FlightView)
 POOL = web.AppKey("pool", ThreadPoolExecutor)
+# What decodes originals, or paints, has threads of its own, so that quick questions do not wait behind it.
+SLOW_POOL = web.AppKey("slow_pool", ThreadPoolExecutor)
 
 Result = TypeVar("Result")
 
 
-async def in_thread(request: web.Request, work: Callable[..., Result], *given: Any) -> Result:
+async def in_thread(
+    request: web.Request,
+    work: Callable[..., Result],
+    *given: Any,
+    pool: web.AppKey[ThreadPoolExecutor] = POOL,
+) -> Result:
     """Run blocking work on a thread of the API's own."""
-    return await asyncio.get_running_loop().run_in_executor(request.app[POOL], work, *given)
+    return await asyncio.get_running_loop().run_in_executor(request.app[pool], work, *given)
 
 
 async def map_revision(request: web.Request) -> int:

@@ -20,7 +20,17 @@ from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, or
 from gcs_mosaic.views.sightings import Sighting, sightings
 from gcs_mosaic.views.taken import CaptureTime, Clock
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, map_revision, missing, told_anew
+from gcs_mosaic.web.api.common import (
+    BASE,
+    SLOW_POOL,
+    VIEW,
+    MapRevision,
+    answer,
+    in_thread,
+    map_revision,
+    missing,
+    told_anew,
+)
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.api.schema import fields_of
 from gcs_mosaic.web.tile_answer import is_known
@@ -135,7 +145,7 @@ async def who_saw(request: web.Request) -> web.StreamResponse:
     """The frames that saw a place on an island's canvas, the best first."""
     asked, revision = asked_query(request, PlaceQuery), await map_revision(request)
     found = await in_thread(request, sightings, request.app[VIEW], int(request.match_info["island"]), asked.x, asked.y)
-    await in_thread(request, _get_ready)
+    request.app[SLOW_POOL].submit(_get_ready)  # nobody waits for it
     return answer(SightingsAnswer(map_revision=revision, sightings=[_entry(one) for one in found]))
 
 
@@ -170,7 +180,7 @@ async def shown(request: web.Request) -> web.StreamResponse:
             source.path, CHUNK, headers={"Content-Type": source.media_type or "", "ETag": f'"{etag}"'}
         )
     try:
-        data, kind = await in_thread(request, picture, view, frame, reduction)
+        data, kind = await in_thread(request, picture, view, frame, reduction, pool=SLOW_POOL)
     except NoPicture as error:
         raise missing(str(error)) from error
     return web.Response(body=data, content_type=kind, headers={"ETag": f'"{etag}"'})
@@ -210,7 +220,8 @@ async def _cut(request: web.Request, where: str, cut: Callable[..., bytes], *of_
     if is_known(request, etag):
         return web.Response(status=304, headers={"ETag": f'"{etag}"'})
     try:
-        data = await in_thread(request, cut, request.app[VIEW], int(request.match_info["frame"]), *of_frame)
+        frame = int(request.match_info["frame"])
+        data = await in_thread(request, cut, request.app[VIEW], frame, *of_frame, pool=SLOW_POOL)
     except NoPicture as error:
         raise missing(str(error)) from error
     finally:
@@ -249,7 +260,7 @@ async def _source(request: web.Request) -> Original:
 def _entry(one: Sighting) -> SightingAnswer:
     told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time", "time_by")}
     taken = None if one.utc is None or one.clock is None else CaptureTime(one.utc, one.clock)
-    return SightingAnswer(**told, name=_shown(one.name), time=_written(taken), time_by=one.clock)
+    return SightingAnswer(**told, name=shown_name(one.name), time=written_time(taken), time_by=one.clock)
 
 
 def _times(view: FlightView) -> FrameTimesAnswer:
@@ -259,17 +270,19 @@ def _times(view: FlightView) -> FrameTimesAnswer:
         told = ledger.message_times()
     taken = [(one.name, view.times.of(one, told.get(one.number))) for one in table.frames]
     found = [
-        FrameTimeAnswer(name=_shown(name), time=_written(at), time_by=None if at is None else at.by)
+        FrameTimeAnswer(name=shown_name(name), time=written_time(at), time_by=None if at is None else at.by)
         for name, at in taken
     ]
     return FrameTimesAnswer(map_revision=table.revision, frames=found)
 
 
-def _shown(name: str) -> str:
+def shown_name(name: str) -> str:
+    """A frame's name as JSON can hold it."""
     return name.encode("utf-8", "replace").decode()
 
 
-def _written(taken: CaptureTime | None) -> str | None:
+def written_time(taken: CaptureTime | None) -> str | None:
+    """ISO 8601; without a zone where the clock tells none."""
     if taken is None:
         return None
     zone = "" if taken.by == "camera" else "Z"

@@ -17,7 +17,7 @@ from gcs_mosaic.notes.finds.finds import Find, PlacedFind, placed
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, in_thread, missing
+from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, in_thread, missing
 from gcs_mosaic.web.api.finds import ONE
 from gcs_mosaic.web.api.layers import TILES
 from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
@@ -75,7 +75,7 @@ async def debriefing(request: web.Request) -> web.StreamResponse:
     """One file for the debriefing: the map, the aircraft's way, finds, unseen ground, islands and times."""
     notes = request.app[NOTES]
     (_, *pinned), finds = await notes.run(lambda: (notes.pinned(), notes.finds.all()))
-    text = await in_thread(request, _debriefing, request, pinned, finds)
+    text = await in_thread(request, _debriefing, request, pinned, finds, pool=SLOW_POOL)
     from gcs_mosaic.notes.finds.report import POLICY as REPORT_POLICY
 
     policy = f"{REPORT_POLICY}; frame-ancestors 'none'"
@@ -103,7 +103,7 @@ async def crop(request: web.Request) -> web.StreamResponse:
     """What a find shows: 400 px of the original around it."""
     from gcs_mosaic.handover.message import crop_of_find
 
-    data = await in_thread(request, crop_of_find, await _find(request), request.app[VIEW])
+    data = await in_thread(request, crop_of_find, await _find(request), request.app[VIEW], pool=SLOW_POOL)
     if data is None:
         raise missing("No original that shows it can be read.")
     return tagged(request, data, "image/jpeg")

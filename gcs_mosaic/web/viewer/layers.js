@@ -8,6 +8,8 @@ import { LiveTiles, affectedBy } from "/viewer/tiles.js";
 import { said, t } from "/viewer/words.js";
 
 const LEGENDS_AGAIN_MS = 5000;
+const CHANGES = "changes"; // the layer that is compared while it is looked at: each question has some more frames compared
+const CHANGES_AGAIN_MS = 200;
 
 export class Layers {
   constructor(map) {
@@ -27,6 +29,7 @@ export class Layers {
     this.select.onchange = () => this.choose();
     this.button.onclick = () => this.toggleGaps();
     this.legends = new Map();
+    this.compared = 0; // how often: the tiles' own revision
     this.readLegends();
   }
 
@@ -98,6 +101,20 @@ export class Layers {
     this.changed = [];
     this.tiles = new LiveTiles(path, this.island.id, this.revision, () => {}, { ...this.options, zIndex: 5, tileClass: "layer-tile" });
     this.tiles.addTo(this.map);
+    if (legend.name === CHANGES) this.compare(this.tiles);
+  }
+
+  /** Have the flights compared for as long as these tiles are looked at. */
+  async compare(tiles) {
+    const about = byId("legend").querySelector("small");
+    for (let compared = 0, frames = 1; compared < frames && this.tiles === tiles; ) {
+      const answer = await fetchDocument(`/api/v1/islands/${this.island.id}/changes`).catch(() => null);
+      if (this.tiles !== tiles) return;
+      if (answer) ({ compared, frames } = answer);
+      about.textContent = compared < frames ? t("{n} of {all} frames are compared.", { n: compared, all: frames }) : t("Shadows and what stands up differ, too.");
+      if (compared < frames) await new Promise((done) => setTimeout(done, CHANGES_AGAIN_MS));
+    }
+    tiles.refresh(++this.compared, () => true);
   }
 
   /** @param {Api.LayerLegend} legend */
@@ -105,7 +122,8 @@ export class Layers {
     const box = byId("legend");
     box.hidden = !legend;
     if (!legend) return;
-    const [title, worst, bar, best] = box.children;
+    const [title, worst, bar, best, about] = box.children;
+    about.textContent = "";
     title.textContent = t(legend.title);
     worst.textContent = t(legend.worst);
     best.textContent = t(legend.best);
