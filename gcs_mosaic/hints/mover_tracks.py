@@ -40,7 +40,8 @@ def tracks_of(seen: Sequence[Seen]) -> list[list[Seen]]:
     for _, three in begun:
         if taken & {id(one) for one in three}:
             continue
-        track = _continued(list(three), turns, taken)
+        track = _continued(list(three), turns, taken, 1)
+        track = _continued(track[::-1], turns, taken, -1)[::-1]
         taken |= {id(one) for one in track}
         tracks.append(track)
     return sorted(tracks, key=lambda track: -len(track))
@@ -58,10 +59,11 @@ def _beginnings(turns: dict[int, list[Seen]]) -> Iterator[tuple[float, tuple[See
                         yield missed, (first, second, third)
 
 
-def _continued(track: list[Seen], turns: dict[int, list[Seen]], taken: set[int]) -> list[Seen]:
+def _continued(track: list[Seen], turns: dict[int, list[Seen]], taken: set[int], step: int) -> list[Seen]:
+    """A track with what comes after its end; by a step of -1, of one that is turned round, before it."""
     while True:
         *_, before, last = track
-        nexts = [one for one in turns.get(last.turn + 1, ()) if id(one) not in taken and _may_follow(last, one)]
+        nexts = [one for one in turns.get(last.turn + step, ()) if id(one) not in taken and _may_follow(last, one)]
         best = min(nexts, key=lambda one: _missed(before, last, one), default=None)
         if best is None or _missed(before, last, best) >= 1:
             return track
@@ -79,7 +81,7 @@ def _may_follow(one: Seen, other: Seen) -> bool:
 def _missed(first: Seen, second: Seen, third: Seen) -> float:
     """How far from where it was to be at an even speed, times what is allowed."""
     step = np.array([second.x - first.x, second.y - first.y])
-    ratio = (third.time - second.time) / max(second.time - first.time, 1e-6)
+    ratio = abs(third.time - second.time) / max(abs(second.time - first.time), 1e-6)
     to_be = np.array([second.x, second.y]) + np.clip(ratio, 0.2, 5.0) * step
     allowed = ASIDE * max(first.size, second.size, third.size) + OF_STEP * np.hypot(*step)
     return float(np.hypot(third.x - to_be[0], third.y - to_be[1]) / allowed)

@@ -84,10 +84,10 @@ class FlightView:
         self._taken: tuple[FrameTable | None, Array] = None, np.empty(0)
         self._painted = lru_cache(KEPT_FRAMES)(self._read_painted)
 
-    def table(self) -> FrameTable:
-        """The painted frames; none where there is no ledger yet."""
+    def table(self, at_least: int = 0) -> FrameTable:
+        """The painted frames, as of a revision or later if the folder is there already; none where there is no ledger yet."""
         with self._lock:
-            if time.monotonic() >= self._due:
+            if time.monotonic() >= self._due or self._table.revision < at_least:
                 self._read_again()
             return self._table
 

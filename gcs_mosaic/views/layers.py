@@ -166,13 +166,13 @@ class LayerTiles:
         share = np.asarray((greatest - LEAST_CHANGE) / (MOST_CHANGE - LEAST_CHANGE), np.float64)
         return _as_png(_CHANGES, share, share > 0)
 
-    def tile(self, layer: MapLayer, island: int, tile: Tile) -> bytes | None:
-        """A PNG with alpha; None where nothing was seen."""
-        table = self._view.table()
+    def tile(self, layer: MapLayer, island: int, tile: Tile, at_least: int = 0) -> bytes | None:
+        """A PNG with alpha, of a revision or later if the folder is there already; None where nothing was seen."""
+        table = self._view.table(at_least)
         near = table.near(island, tile_box(tile))
         if not near:
             return None
-        whole = self.islands.of(island).coverage
+        whole = self.islands.of(island, at_least).coverage
         if whole is None:
             return None
         grid = _grid_of(tile)

@@ -86,6 +86,8 @@ def seen(turn: int, x: float, contrast: float = 1.0, size: float = 4.0) -> Seen:
 def test_a_track_is_an_even_way_of_things_that_are_alike() -> None:
     walk = [seen(turn, 20.0 * turn) for turn in range(4)]
     assert tracks_of(walk) == [walk]
+    swaying = [seen(turn, 20.0 * turn + (3.0 if turn == 2 else 0.0)) for turn in range(6)]
+    assert tracks_of(swaying) == [swaying]  # wherever its evenest part is
     for spoilt in (
         [seen(0, 0), seen(1, 20), seen(2, 75)],  # not even
         [seen(0, 0), seen(1, 20, -1.0), seen(2, 40)],  # bright, dark, bright

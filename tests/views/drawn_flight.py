@@ -89,7 +89,9 @@ def drawn_flight(root: Path, frames: Sequence[Drawn], off: float = 0.0) -> Path:
             ledger.settle_frame(one.name, FrameState.PLACED)
             item = RenderItem(name=one.name, order=number, island=0, pose=lies, camera=LENS, level=16)
             ledger.record_painted(item)
-    entry = IslandEntry(id=0, bounds=(-256.0, -256.0, 1024.0, 1024.0), minzoom=12, maxzoom=16, frames=len(frames))
+    xs, ys = zip(*((one.pose.x, one.pose.y) for one in frames), strict=True)
+    bounds = min(xs) - LENS.width / 2, min(ys) - LENS.height / 2, max(xs) + LENS.width / 2, max(ys) + LENS.height / 2
+    entry = IslandEntry(id=0, bounds=bounds, minzoom=12, maxzoom=16, frames=len(frames))
     told = Contents(flight="drawn", updated_utc=1.0, islands=[entry], accounts=Accounts(), frames=FrameNews())
     write_json(root / "mosaic.json", mosaic_document(told, 1))
     return root

@@ -16,6 +16,8 @@ from gcs_mosaic.web.tile_answer import tagged
 
 BASE = "/api/v1"
 MapRevision = Annotated[int, Limits(least=0), "of the map: the answer is as new as this one, or newer"]
+# Of a question: the page tells the newest that it knows, so that no answer is older than what it shows.
+AskedRevision = Annotated[int, Limits(least=0, most=1 << 53), "of the map: the answer is to be as new, if the map is"]
 THREADS = 2  # for questions; stitching has priority on the cores
 LARGEST_BODY = 1 << 16  # bytes
 
@@ -37,9 +39,9 @@ async def in_thread(
     return await asyncio.get_running_loop().run_in_executor(request.app[pool], work, *given)
 
 
-async def map_revision(request: web.Request) -> int:
+async def map_revision(request: web.Request, at_least: int = 0) -> int:
     """Of the frames as they are known now; to be asked before an answer is made of them."""
-    return (await in_thread(request, request.app[VIEW].table)).revision
+    return (await in_thread(request, request.app[VIEW].table, at_least)).revision
 
 
 def bad(text: str) -> web.HTTPBadRequest:

@@ -24,6 +24,7 @@ from gcs_mosaic.web.api.common import (
     BASE,
     SLOW_POOL,
     VIEW,
+    AskedRevision,
     MapRevision,
     answer,
     in_thread,
@@ -68,6 +69,13 @@ class PlaceQuery:
 
     x: Annotated[Far, "canvas units"]
     y: Far
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightingsQuery(PlaceQuery):
+    """A place on an island's canvas, and how new the answer is to be."""
+
+    r: AskedRevision = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,12 +147,13 @@ def keep_pieces(app: web.Application) -> None:
     "GET",
     f"{ISLAND}/sightings",
     Reply("The frames, each with the pixel of its original.", SightingsAnswer),
-    query=PlaceQuery,
+    query=SightingsQuery,
 )
 async def who_saw(request: web.Request) -> web.StreamResponse:
     """The frames that saw a place on an island's canvas, the best first."""
-    asked, revision = asked_query(request, PlaceQuery), await map_revision(request)
-    found = await in_thread(request, sightings, request.app[VIEW], int(request.match_info["island"]), asked.x, asked.y)
+    asked, island = asked_query(request, SightingsQuery), int(request.match_info["island"])
+    revision = await map_revision(request, asked.r)
+    found = await in_thread(request, sightings, request.app[VIEW], island, asked.x, asked.y)
     request.app[SLOW_POOL].submit(_get_ready)  # nobody waits for it
     return answer(SightingsAnswer(map_revision=revision, sightings=[_entry(one) for one in found]))
 

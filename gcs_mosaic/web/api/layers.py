@@ -16,7 +16,8 @@ from gcs_mosaic.views.changes import merged_flights
 from gcs_mosaic.views.coverage import footprint_of
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.layers import CHANGES, LAYERS, LayerLegend, LayerTiles, area_words, is_possible, legends
-from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, MapRevision, answer, in_thread, missing
+from gcs_mosaic.web.api.asked import asked_query
+from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, AskedRevision, MapRevision, answer, in_thread, missing
 from gcs_mosaic.web.api.frames import shown_name
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.tile_answer import tile_answer
@@ -28,6 +29,13 @@ LAYER_TILE = f"{BASE}/layers/{{layer:[a-z]{{1,20}}}}/{PLACE}.png"
 
 
 OPERATIONS = Operations()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreshQuery:
+    """How new the answer is to be."""
+
+    r: AskedRevision = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +64,7 @@ class GapsAnswer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChangeAnswer:
+class ChangedGroundAnswer:
     """Ground that two flights show otherwise."""
 
     x: Annotated[float, "on the island's canvas, its middle"]
@@ -66,14 +74,14 @@ class ChangeAnswer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChangesAnswer:
+class GroundChangesAnswer:
     """Where the last of the merged flights shows something else than those before it, the largest first."""
 
     map_revision: MapRevision
     flights: Annotated[Sequence[str], "in order of time; none if the map is of one flight"]
     compared: Annotated[int, Limits(least=0), "frames; there are no changes before all are"]
     frames: Annotated[int, Limits(least=0)]
-    changes: Sequence[ChangeAnswer]
+    changes: Sequence[ChangedGroundAnswer]
 
 
 def keep_tiles(app: web.Application) -> None:
@@ -92,6 +100,7 @@ async def layers(request: web.Request) -> web.StreamResponse:
     "GET",
     LAYER_TILE,
     Reply("256 x 256 px with alpha.", Media(("image/png",)), tagged=True),
+    query=FreshQuery,
     failures={404: "There is no such layer or tile."},
 )
 async def layer_tile(request: web.Request) -> web.StreamResponse:
@@ -100,24 +109,29 @@ async def layer_tile(request: web.Request) -> web.StreamResponse:
     island, z, x, y = (int(request.match_info[name]) for name in ("island", "z", "x", "y"))
     if (name not in LAYERS and name != CHANGES) or not is_possible(Tile(z, x, y), FINEST_LEVEL):
         raise missing("There is no such layer or tile.")
-    tiles, tile = request.app[TILES], Tile(z, x, y)
+    tiles, tile, at_least = request.app[TILES], Tile(z, x, y), asked_query(request, FreshQuery).r
     if name == CHANGES:
         data = await in_thread(request, tiles.changed, island, tile, pool=SLOW_POOL)
     else:
-        data = await in_thread(request, tiles.tile, LAYERS[name], island, tile, pool=SLOW_POOL)
+        data = await in_thread(request, tiles.tile, LAYERS[name], island, tile, at_least, pool=SLOW_POOL)
     return tile_answer(request, data)
 
 
 @OPERATIONS.add(
-    "GET", f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/gaps", Reply("The gaps, on the island's canvas.", GapsAnswer)
+    "GET",
+    f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/gaps",
+    Reply("The gaps, on the island's canvas.", GapsAnswer),
+    query=FreshQuery,
 )
 async def gaps(request: web.Request) -> web.StreamResponse:
     """Ground inside the flown area that nobody has seen, the largest first."""
-    found = await in_thread(request, _gaps, request.app[VIEW], request.app[TILES], int(request.match_info["island"]))
-    return answer(found)
+    asked, island = asked_query(request, FreshQuery), int(request.match_info["island"])
+    return answer(await in_thread(request, _gaps, request.app[VIEW], request.app[TILES], island, asked.r))
 
 
-@OPERATIONS.add("GET", f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/changes", Reply("What is known so far.", ChangesAnswer))
+@OPERATIONS.add(
+    "GET", f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/changes", Reply("What is known so far.", GroundChangesAnswer)
+)
 async def changes(request: web.Request) -> web.StreamResponse:
     """What changed on an island between merged flights; each question has some more frames compared."""
     island = int(request.match_info["island"])
@@ -128,23 +142,23 @@ def _is_merged(view: FlightView) -> bool:
     return bool(merged_flights(view, view.table())[0])
 
 
-def _changes(view: FlightView, tiles: LayerTiles, island: int) -> ChangesAnswer:
+def _changes(view: FlightView, tiles: LayerTiles, island: int) -> GroundChangesAnswer:
     found = tiles.changes.ask(island)
     areas = [
-        ChangeAnswer(
+        ChangedGroundAnswer(
             x=round(one.x, 1), y=round(one.y, 1), area=round(one.area, 1), brighter=round(math.exp(one.contrast), 2)
         )
         for one in found.areas
     ]
     flights, _ = merged_flights(view, view.table())
     named = [shown_name(name) for name in flights]
-    return ChangesAnswer(
+    return GroundChangesAnswer(
         map_revision=found.revision, flights=named, compared=found.done, frames=found.frames, changes=areas
     )
 
 
-def _gaps(view: FlightView, tiles: LayerTiles, island: int) -> GapsAnswer:
-    seen = tiles.islands.of(island)
+def _gaps(view: FlightView, tiles: LayerTiles, island: int, at_least: int) -> GapsAnswer:
+    seen = tiles.islands.of(island, at_least)
     table = view.table()
     footprint = footprint_of(table.boxes[table.islands == island]) if seen.gaps else 0.0
     told = [

@@ -56,7 +56,7 @@ export class Originals {
     toast(t("Asking …"));
     for (let wait = SOON_MS; this.asked === asked; wait *= 2) {
       const wanted = this.mapRevision();
-      const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}`).catch(() => null);
+      const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}&r=${wanted}`).catch(() => null);
       if (this.asked !== asked) return;
       if (!answer) {
         toast(t("No answer: ask again once the connection is back."));
