@@ -24,7 +24,6 @@ from gcs_mosaic.views.ground_window import GroundWindow
 
 CELLS = 64  # of a tile's side: cells of four pixels
 MOST_FRAMES = 400  # for one tile; with more the island's grid will do
-ALPHA = 150  # of 255: the map shows through
 STOPS = 5  # colours in a legend
 
 
@@ -237,7 +236,7 @@ def _as_png(layer: MapLayer, share: Array, shown: Mask) -> bytes | None:
     if not shown.any():
         return None
     colours = _coloured(layer, np.where(shown, share, 0.0))
-    bgra = np.dstack([colours, np.where(shown, ALPHA, 0).astype(np.uint8)])
+    bgra = np.dstack([colours, np.where(shown, 255, 0).astype(np.uint8)])
     large = cv2.resize(bgra, (TILE_SIZE, TILE_SIZE), interpolation=cv2.INTER_NEAREST)
     done, data = cv2.imencode(".png", large, [cv2.IMWRITE_PNG_COMPRESSION, 4])
     return data.tobytes() if done else None

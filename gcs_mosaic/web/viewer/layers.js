@@ -8,6 +8,7 @@ import { LiveTiles, affectedBy } from "/viewer/tiles.js";
 import { said, t } from "/viewer/words.js";
 
 const LEGENDS_AGAIN_MS = 5000;
+const OPACITY = 0.6; // of the layer as a whole: its tiles overlap a little
 const ALL_AGAIN_MS = 4000; // after a change, for tiles near which nothing was painted
 const CHANGES = "changes"; // the layer that is compared while it is looked at: each question has some more frames compared
 const CHANGES_AGAIN_MS = 200;
@@ -110,7 +111,7 @@ export class Layers {
     if (!legend || !this.island) return;
     const path = (island, { z, x, y }, revision) => `/api/v1/layers/${legend.name}/${island}/${z}/${x}/${y}.png?r=${revision}${this.again ? `&again=${this.again}` : ""}`;
     this.changed = [];
-    this.tiles = new LiveTiles(path, this.island.id, this.revision, () => {}, { ...this.options, zIndex: 5, tileClass: "layer-tile" });
+    this.tiles = new LiveTiles(path, this.island.id, this.revision, () => {}, { ...this.options, zIndex: 5, opacity: OPACITY, tileClass: "layer-tile" });
     this.tiles.addTo(this.map);
     if (legend.name === CHANGES) this.compare(this.tiles);
   }
