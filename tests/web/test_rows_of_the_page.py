@@ -139,9 +139,10 @@ def test_row_18_a_saved_flight_does_not_ask_for_what_is_not_there(page: Page, ur
     """status.json and placements.jsonl were asked for each second, and were not there."""
     page.open(url)
     page.wait_for("document.querySelector('#state b').textContent === 'Saved flight'")
-    time.sleep(1.0)
+    page.evaluate("new Promise((done) => setTimeout(done, 1000))")
     asked = len(page.requests)
-    time.sleep(5.0)
+    page.evaluate("new Promise((done) => setTimeout(done, 5000))")
+    assert len(page.requests) > asked, "it asks whether the server is there"
     later = [request for request in page.requests[asked:] if "status.json" in request or "placements" in request]
     assert later == []
 
