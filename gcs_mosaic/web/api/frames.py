@@ -6,7 +6,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Annotated, Literal
 from urllib.parse import quote
 
@@ -269,17 +268,16 @@ async def _source(request: web.Request) -> Original:
 def _entry(one: Sighting) -> SightingAnswer:
     told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time", "time_by")}
     taken = None if one.utc is None or one.clock is None else CaptureTime(one.utc, one.clock)
-    return SightingAnswer(**told, name=shown_name(one.name), time=written_time(taken), time_by=one.clock)
+    return SightingAnswer(**told, name=shown_name(one.name), time=taken and taken.iso(), time_by=one.clock)
 
 
 def _times(view: FlightView) -> FrameTimesAnswer:
     """Raises UsageError."""
     table = view.table()
-    with view.ledger() as ledger:
-        told = ledger.message_times()
-    taken = [(one.name, view.times.of(one, told.get(one.number))) for one in table.frames]
+    times = view.capture_times(table)
+    taken = [(one.name, times.get(one.number)) for one in table.frames]
     found = [
-        FrameTimeAnswer(name=shown_name(name), time=written_time(at), time_by=None if at is None else at.by)
+        FrameTimeAnswer(name=shown_name(name), time=at and at.iso(), time_by=None if at is None else at.by)
         for name, at in taken
     ]
     return FrameTimesAnswer(map_revision=table.revision, frames=found)
@@ -288,11 +286,3 @@ def _times(view: FlightView) -> FrameTimesAnswer:
 def shown_name(name: str) -> str:
     """A frame's name as JSON can hold it."""
     return name.encode("utf-8", "replace").decode()
-
-
-def written_time(taken: CaptureTime | None) -> str | None:
-    """ISO 8601; without a zone where the clock tells none."""
-    if taken is None:
-        return None
-    zone = "" if taken.by == "camera" else "Z"
-    return datetime.fromtimestamp(taken.s, UTC).isoformat(timespec="milliseconds").replace("+00:00", zone)

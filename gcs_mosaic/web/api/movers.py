@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from aiohttp import web
 
-from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.api.common import SLOW_POOL, VIEW, MapRevision, answer, in_thread
-from gcs_mosaic.web.api.frames import ISLAND, TimeBy, When, shown_name, written_time
+from gcs_mosaic.web.api.frames import ISLAND, TimeBy, When, shown_name
 from gcs_mosaic.web.api.operations import Operations, Reply
 
 if TYPE_CHECKING:
@@ -81,16 +80,13 @@ def _search(app: web.Application) -> MoverSearch:
 
 def _movers(search: MoverSearch, view: FlightView, island: int) -> MoversAnswer:
     found = search.ask(island)
-    frames = {one.number: one for one in view.table().frames}
-    try:
-        with view.ledger() as ledger:
-            told = ledger.message_times()
-    except UsageError:  # no ledger can be read: there are no tracks then
-        told = {}
+    table = view.table()
+    frames = {one.number: one for one in table.frames}
+    times = view.capture_times(table) if found.tracks else {}
     movers = []
     for track in found.tracks[:MOST_TRACKS]:
         known = [(one, frames[one.frame]) for one in track if one.frame in frames]
-        looks = [_look(one, frame, view.times.of(frame, told.get(one.frame))) for one, frame in known]
+        looks = [_look(one, frame, times.get(one.frame)) for one, frame in known]
         movers.append(MoverAnswer(size=round(max(one.size for one in track), 1), looks=looks))
     return MoversAnswer(map_revision=found.revision, searched=found.searched, frames=found.frames, movers=movers)
 
@@ -102,6 +98,6 @@ def _look(one: Seen, frame: PositionRecord, taken: CaptureTime | None) -> MoverL
         pixel=(round(one.pixel[0], 1), round(one.pixel[1], 1)),
         x=round(one.x, 2),
         y=round(one.y, 2),
-        time=written_time(taken),
+        time=taken and taken.iso(),
         time_by=None if taken is None else taken.by,
     )
