@@ -234,6 +234,8 @@ export default {
   "Seek no more": "Nicht mehr suchen",
   "Seen": "Gesehen",
   "Select it and copy it by hand.": "Markieren und von Hand kopieren.",
+  "Send to ATAK": "An ATAK senden",
+  "Sent to {address}; nobody tells whether it came.": "An {address} gesendet; niemand sagt, ob es ankam.",
   "Set a pin": "Marke setzen",
   "Shade what nobody reviewed": "Abdunkeln, was niemand gesichtet hat",
   "Shadows and what stands up differ, too.": "Auch Schatten und Hohes sind anders.",
