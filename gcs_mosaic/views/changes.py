@@ -25,7 +25,10 @@ from gcs_mosaic.views.ground_window import GroundWindow, OnGround, flat_picture,
 LONGER_SIDE = 3000  # cells of an island at most: two pictures of it take 50 MB
 FINEST = 2.0  # pixels of a usual frame that a cell is wide at least
 MISPLACED = 2  # cells by which two flights' pictures may lie apart
-AROUND = 48.0  # cells of which the local mean is taken, see `flattened`: changes may be as large as a house
+AROUND = (
+    32.0  # cells of which the local mean is taken, see `flattened`: changes may be as large as a car, or a small house
+)
+RIM = 48  # cells from a frame's border within which it is not compared: the mean is one of one side only there (1.5 deviations)
 LEAST_CONTRAST = 0.15  # logarithm: so much brighter or darker than all that the other flight shows within MISPLACED
 NOISES = 4.0  # times the usual difference, where that is more
 LEAST_CELLS = 3
@@ -153,7 +156,7 @@ class FlightChanges:
 
 
 def _compared(one: _Island) -> Compared:
-    both = (one.depths[0] > MISPLACED) & (one.depths[1] > MISPLACED)  # at a frame's very border nothing is beside it
+    both = (one.depths[0] > RIM) & (one.depths[1] > RIM)
     strength = np.zeros(both.shape, np.float32)
     if both.any():
         for rows, wide in _bands(one.window.rows):

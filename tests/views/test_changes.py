@@ -17,7 +17,7 @@ from gcs_mosaic.views.layers import LayerTiles
 from tests.sure import sure
 from tests.views.drawn_flight import Drawn, Things, as_merged, drawn_flight, laid_at
 
-ADDED, GONE, STILL = (240.0, 250.0), (330.0, 230.0), (290.0, 280.0)
+ADDED, GONE, STILL = (240.0, 250.0), (330.0, 250.0), (290.0, 280.0)
 
 
 def nothing(_: ImageBGR) -> None:
