@@ -62,7 +62,8 @@ def moved_in(own: FloatImage, others: Sequence[FloatImage]) -> list[MovedBlob]:
         if LEAST_CELLS <= cells <= MOST_CELLS:
             box = np.s_[top : top + height, left : left + width]
             contrast = float(beyond[box][labels[box] == label].mean())
-            found.append(MovedBlob(*middles[label].tolist(), cells, contrast))
+            column, row = middles[label].tolist()
+            found.append(MovedBlob(column, row, cells, contrast))
     return sorted(found, key=lambda one: -abs(one.contrast) * one.cells)[:MOST_BLOBS]
 
 

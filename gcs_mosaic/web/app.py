@@ -58,7 +58,7 @@ def make_app(
     checks = [host_check(address, names), origin_check, access_check(access), dates_check]
     app = web.Application(middlewares=[*checks, note_request])
     app[ROOT], app[FEED], app[NAMES] = root, feed or Feed(), names
-    app[COT] = settings.cot
+    app[COT] = settings.cot or ""
     app[ACCESS], app[CHOOSING] = access, asyncio.Lock()
     app[ANSWERED] = AnsweredTiles(partial(last_revision, root))
     app[FEED].before_telling(app[ANSWERED].forget)

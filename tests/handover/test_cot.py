@@ -42,7 +42,7 @@ def found(root: Path, label: str = "tent") -> PlacedFind:
             note="by the brook",
             who="Kim",
             in_original=False,
-            binding=follower.bound(0, 30.0, 20.0),  # type: ignore[arg-type]
+            binding=follower.bound(0, 30.0, 20.0),
         )
         finds.create(new)
         return placed(finds.all(), follower, anchor_of(anchors_of(FlightView(root))))[0]

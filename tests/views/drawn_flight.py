@@ -66,7 +66,7 @@ def photographed(picture: ImageBGR, pose: Pose, light: float, noise: int) -> Ima
     at = places.reshape(LENS.height, LENS.width, 2).astype(np.float32)
     seen = cv2.remap(picture, at, None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
     grain = np.random.default_rng(noise).normal(0, 1.5, seen.shape)
-    return np.clip(seen * light + grain, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(seen * light + grain, 0, 255), np.uint8)
 
 
 def drawn_flight(root: Path, frames: Sequence[Drawn], off: float = 0.0) -> Path:

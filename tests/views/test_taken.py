@@ -78,7 +78,7 @@ def test_an_original_that_has_gone_tells_nothing(tmp_path: Path) -> None:
 
 
 def test_a_time_is_told_with_its_clock() -> None:
-    said = [CaptureTime(BY_CAMERA, by).words() for by in ("camera", "message", "file")]  # type: ignore[arg-type]
+    said = [CaptureTime(BY_CAMERA, by).words() for by in ("camera", "message", "file")]
     assert said == [
         "taken 2014-10-19T13:20:57 by the camera's clock",
         "taken 2014-10-19T13:20:57Z",

@@ -36,7 +36,7 @@ Revision = Annotated[int, Limits(least=0, most=1 << 53)]
 IF_MATCH = {"If-Match": "The revision that is changed, in quotes, instead of `revision` in the body."}
 FILES = Media(("application/geo+json", "text/csv", "application/vnd.google-earth.kml+xml", "text/html"))
 OPERATIONS = Operations()
-COT = web.AppKey("cot", str | None)  # whom finds are sent to on wish, as of `web: {cot: …}`
+COT = web.AppKey("cot", str)  # whom finds are sent to on wish, as of `web: {cot: …}`; empty: nobody
 
 Kind = Annotated[str, Limits(longest=LONGEST_NAME)]
 Label = Annotated[str, Limits(longest=LONGEST_LABEL)]
@@ -134,7 +134,7 @@ async def every(request: web.Request) -> web.StreamResponse:
     pinned, finds = await notes.run(lambda: (notes.pinned(), notes.finds.all(deleted=deleted)))
     (revision, *laid), of_map = pinned, await map_revision(request)
     shown = await in_thread(request, _placed, notes, finds, *laid)
-    can_send = request.app[COT] is not None
+    can_send = bool(request.app[COT])
     told = FindsAnswer(revision=revision, map_revision=of_map, cot=can_send, finds=[_told(one) for one in shown])
     return told_anew(request, told)
 

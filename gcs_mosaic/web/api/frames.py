@@ -268,7 +268,9 @@ async def _source(request: web.Request) -> Original:
 def _entry(one: Sighting) -> SightingAnswer:
     told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time", "time_by")}
     taken = None if one.utc is None or one.clock is None else CaptureTime(one.utc, one.clock)
-    return SightingAnswer(**told, name=shown_name(one.name), time=taken and taken.iso(), time_by=one.clock)
+    return SightingAnswer(
+        **told, name=shown_name(one.name), time=None if taken is None else taken.iso(), time_by=one.clock
+    )
 
 
 def _times(view: FlightView) -> FrameTimesAnswer:
@@ -277,7 +279,9 @@ def _times(view: FlightView) -> FrameTimesAnswer:
     times = view.capture_times(table)
     taken = [(one.name, times.get(one.number)) for one in table.frames]
     found = [
-        FrameTimeAnswer(name=shown_name(name), time=at and at.iso(), time_by=None if at is None else at.by)
+        FrameTimeAnswer(
+            name=shown_name(name), time=None if at is None else at.iso(), time_by=None if at is None else at.by
+        )
         for name, at in taken
     ]
     return FrameTimesAnswer(map_revision=table.revision, frames=found)

@@ -151,7 +151,7 @@ async def send(request: web.Request) -> web.StreamResponse:
 
     await asked_body(request, SendBody)
     told = request.app[COT]
-    if told is None:
+    if not told:
         raise web.HTTPConflict(text="The settings name nobody to send finds to: web: {cot: 'udp:239.2.3.1:6969'}.\n")
     text = await _event(request)
     try:

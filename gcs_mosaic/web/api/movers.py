@@ -98,6 +98,6 @@ def _look(one: Seen, frame: PositionRecord, taken: CaptureTime | None) -> MoverL
         pixel=(round(one.pixel[0], 1), round(one.pixel[1], 1)),
         x=round(one.x, 2),
         y=round(one.y, 2),
-        time=taken and taken.iso(),
+        time=None if taken is None else taken.iso(),
         time_by=None if taken is None else taken.by,
     )
