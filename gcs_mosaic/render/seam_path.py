@@ -96,7 +96,7 @@ def _relax(p: Vector32, here: Indices, steady: Steady, pulls: Pulls) -> None:
 def _apart(looks: tuple[Planes, Planes]) -> Lattice:
     """Greatest difference of the two looks in any colour, grey levels."""
     one, other = looks
-    return np.max(np.maximum(one, other) - np.minimum(one, other), axis=0).astype(np.float32)
+    return np.asarray(np.max(np.maximum(one, other) - np.minimum(one, other), axis=0), np.float32)
 
 
 def _strength(apart: Lattice) -> Lattice:

@@ -67,8 +67,8 @@ def test_the_colours_of_a_palette_are_not_shifted() -> None:
     rng = np.random.default_rng(1)
     counts = cv2.GaussianBlur(rng.normal(size=(480, 640)), (0, 0), 20)
     levels = np.interp(counts, [counts.min(), counts.max()], [0, 255]).astype(np.uint8)
-    grey = look_for_seams(sure(cv2.merge([levels] * 3)), (PLAIN, NO_BORDER))
-    false = look_for_seams(sure(cv2.applyColorMap(levels, cv2.COLORMAP_JET)), (PLAIN, NO_BORDER))
+    grey = look_for_seams(np.dstack([levels] * 3), (PLAIN, NO_BORDER))
+    false = look_for_seams(np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_JET), np.uint8), (PLAIN, NO_BORDER))
     assert grey.tone is not None
     assert false.tone is None
     found = shifts(FIRST, WINDOW, lambda number: (FRAME, (maps(100), false)[number]))
