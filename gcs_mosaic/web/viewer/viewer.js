@@ -5,6 +5,7 @@ import { Absent } from "/viewer/absent.js";
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Anchors } from "/viewer/anchors.js";
 import { byId } from "/viewer/dom.js";
+import { Detection } from "/viewer/detection.js";
 import { Elsewhere } from "/viewer/elsewhere.js";
 import { Finds } from "/viewer/finds.js";
 import { Fleet } from "/viewer/fleet.js";
@@ -16,6 +17,7 @@ import { forget, keep } from "/viewer/kept.js";
 import { listenForKeys } from "/viewer/keys.js";
 import { Lag, Live } from "/viewer/live.js";
 import { Look } from "/viewer/look.js";
+import { Looking } from "/viewer/looking.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Measure } from "/viewer/measure.js";
 import { Mission } from "/viewer/mission.js";
@@ -50,9 +52,11 @@ const pointing = new Pointing(map, (island, x, y) => originals.ask(island, x, y)
 const finds = new Finds(map, pointing, (find) => originals.ask(find.island, find.x, find.y, find.frame?.number));
 const measure = new Measure(map, pointing);
 const anchors = new Anchors(map, pointing, placements);
-new Reviews(map);
+const reviews = new Reviews(map);
+new Looking(map, reviews, () => measure.metresPerUnit());
 new Elsewhere();
-new Mission();
+const detection = new Detection(map, pointing);
+new Mission(() => detection.sought());
 const islands = new Islands(map);
 const fleet = new Fleet(map, placements, showFollowed);
 const flightPath = new FlightPath(map, placements, fleet);
@@ -67,7 +71,7 @@ const aircraft = new AircraftChoice(byId("aircraft"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
-const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath]; // what follows the map
+const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath, detection]; // what follows the map
 
 /** Read mosaic.json and what is new of the frames; calls that come meanwhile lead to one more reading afterwards. */
 async function readMap() {
