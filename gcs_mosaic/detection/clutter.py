@@ -21,7 +21,7 @@ SURROUND = 9  # against which it has to stand out
 AROUND = 25  # over which the ground is taken to be of one kind
 STEP = 8  # between two places that are told of
 NOISE = 0.5  # of L*a*b*, one deviation: less is rounding
-TAIL = 0.995  # of a picture is less odd than what stands out there by itself
+TAIL = 0.999  # of a picture is less odd than what stands out there by itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class GroundStatistics:
 
     colours: Array  # (rows, columns, 3) L*a*b*
     covariances: Array  # (rows, columns, 3, 3) of the filter's output
-    tail: float  # what it exceeds in half a percent of the picture, in deviations
+    tail: float  # what it exceeds in a thousandth of the picture, in deviations
     sunlit: float  # L* of what is well lit
     step_px: float
     width: float  # px, of the original
@@ -107,23 +107,25 @@ def scores(picture: FilteredPicture, covariances: Array) -> FloatImage:
 
 def disagreement(one: FilteredPicture, other: FilteredPicture, pixels: FloatImage, step: int) -> Array:
     """How much two looks differ in L* at a person's size, one deviation, on the grid of the first one's statistics; NaN where the
-    other does not see it. `pixels` (h, w, 2): of the analysed `other`, for a coarse mesh over the first.
+    other does not see it. `pixels` (rows, columns, 2): of the analysed `other`, for a coarse mesh over the first, from corner to
+    corner.
 
     Open ground looks the same from two sides, but for noise; leaves at many heights do not.
     """
     height, width = one.means.shape[:2]
-    mesh = cv2.resize(pixels.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    down = np.linspace(0, pixels.shape[0] - 1, height, dtype=np.float32)
+    across = np.linspace(0, pixels.shape[1] - 1, width, dtype=np.float32)
+    mesh = cv2.remap(pixels, *np.meshgrid(across, down), cv2.INTER_LINEAR)
     seen = cv2.remap(
-        other.means[..., 0], mesh, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=math.nan
+        other.local[..., 0], mesh, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=math.nan
     )
     known = np.isfinite(seen)
-    apart = np.where(known, seen - one.means[..., 0], 0).astype(np.float32)
+    squared = np.where(known, (seen - one.local[..., 0]) ** 2, 0).astype(np.float32)
     around = AROUND * one.side
     share = _box(known.astype(np.float32), around)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = _box(apart, around) / share
-        squared = _box(np.where(known, (apart - np.nan_to_num(mean)) ** 2, 0).astype(np.float32), around) / share
-    return np.asarray(np.sqrt(_sampled(np.where(share > 0.5, squared, np.nan), step)), np.float64)
+        mean = np.where(share > 0.5, _box(squared, around) / share, np.nan)
+    return np.sqrt(_sampled(mean, step))
 
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

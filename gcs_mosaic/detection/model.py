@@ -1,5 +1,5 @@
-"""From what is known of a look to the probability that a person is found: a logistic of two physical quantities, times the
-chance that no leaves are before it; and what several looks come to together.
+"""From what is known of a look to the probability that a person is found: a cumulative normal of two physical quantities (of
+logs, as in psychophysics), times the chance that no leaves are before it; and what several looks come to together.
 
 Fitted to simulated flights (`python -m tests.benchmarks.detection --fit`), with a reader of fixed rule: what `clutter.scores`
 tells above a threshold that ground without people exceeds once in `EACH` places.
@@ -19,14 +19,17 @@ from gcs_mosaic.stitch.arrays import Array
 TABLE = Path(__file__).parent / "coefficients.json"
 EACH = 2000  # places of a person's size, of which the reader takes one for a person
 DIRECTION_DEG = 4.0  # looks from one such square of directions see through the same gaps between leaves
+LEAST_SHARE = 0.01  # of the texture that looks do not have in common: less, or all but so much, cannot be told
 LEAST_DISAGREEMENT = 0.5  # of L*: less is noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficients:
-    """`contrast`, `blur`, `steps`: of a look; `leaves`: of disagreement between looks, and of its share of the texture;
-    `again`: how much another look in the open counts beside the best one, `through`: another direction through leaves, 0 to 1."""
+    """`most`, `offset`, `contrast`, `blur`: of a look; `leaves`: of disagreement between looks, and of the odds of its share of
+    the texture; `again`: how much another look in the open counts beside the best one, `through`: another direction through
+    leaves, 0 to 1."""
 
+    most: float
     offset: float
     contrast: float
     blur: float
@@ -58,15 +61,17 @@ def kept_contrast(side_px: Array, sharpness: Array) -> Array:
 def of_look(to_clutter: Array, kept: Array, fitted: Coefficients) -> Array:
     """That a look in the open finds a person. `to_clutter`: its contrast beside what the ground shows by itself; `kept`: as of
     `kept_contrast`."""
-    return _logistic(fitted.offset + fitted.contrast * np.log(np.maximum(to_clutter, 1e-3)) + fitted.blur * kept)
+    value = fitted.offset + fitted.contrast * np.log(np.maximum(to_clutter, 1e-3)) + fitted.blur * kept
+    return np.asarray(fitted.most * _normal(value))
 
 
 def open_to_view(disagreement: Array, texture: Array, fitted: Coefficients) -> Array:
     """That nothing is before a person, by how much two looks differ there, and how much the ground does from place to place
     (deviations of L*); not known (NaN) counts as open."""
     differs = np.maximum(disagreement, LEAST_DISAGREEMENT)
-    share = np.minimum(differs**2 / (2 * texture**2 + LEAST_DISAGREEMENT**2), 1.0)
-    found = _logistic(fitted.leaves_offset + fitted.leaves * np.log(differs) + fitted.leaves_share * share)
+    share = np.clip(differs**2 / (2 * texture**2 + LEAST_DISAGREEMENT**2), LEAST_SHARE, 1 - LEAST_SHARE)
+    odds = np.log(share / (1 - share))
+    found = _logistic(fitted.leaves_offset + fitted.leaves * np.log(differs) + fitted.leaves_share * odds)
     return np.where(np.isfinite(found), found, 1.0)
 
 
@@ -84,3 +89,8 @@ def through_leaves(is_open: Array, directions: Array, fitted: Coefficients) -> A
 
 def _logistic(value: Array) -> Array:
     return np.asarray(1 / (1 + np.exp(-np.clip(value, -40, 40))))
+
+
+def _normal(value: Array) -> Array:
+    """The cumulative normal, exact to 2e-4 (E. Page, Applied Statistics 26(1), 1977)."""
+    return _logistic(1.5976 * value + 0.070566 * value**3)

@@ -191,6 +191,8 @@ def _improbable(found: DetectionMap | None, least: float, footprint: float) -> l
         raise UsageError(
             "The pictures have one band: how a person stands out in them is not known, and no patch is below."
         )
+    if not found.is_seen.any():
+        raise UsageError(f"No picture can be measured, so nothing is known of a person: {' '.join(found.troubles)}")
     return patches_in(found.grid, found.below(least), footprint)
 
 

@@ -60,6 +60,7 @@ FRAMES = 6
 SMEARS = (0, 0, 0, 0, 2, 4, 8)  # px of motion, drawn for each frame
 SHADE, SHADED = 0.4, 0.9  # of the sun's light; deviations of noise above which there is shade
 LEAVES_FROM = 1.0  # metres over the ground: what is higher hides who lies below
+PER_LOOK = ("most", "offset", "contrast", "blur", "leaves_offset", "leaves", "leaves_share")
 MESH = 12  # columns and rows over which a picture is laid on another
 Floats = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ class Setting:
 FITTED = (
     Setting(ground="country", seed=1, height=30),
     *(Setting(ground="floor", seed=2, height=30, leaves=leaves) for leaves in (0.6, 0.0, 0.85, 0.3)),
-    *(Setting(ground="country", seed=1, height=height) for height in (55, 95)),
+    *(Setting(ground="country", seed=1, height=height) for height in (55, 95, 120)),
     *(Setting(ground="snow", seed=1, height=height) for height in (40, 80)),
     Setting(ground="floor", seed=2, height=60, leaves=0.5),
     Setting(ground="suburb", seed=1, height=30),
@@ -90,7 +91,7 @@ FITTED = (
 HELD_OUT = (
     Setting(ground="country", seed=11, height=25),
     *(Setting(ground="floor", seed=13, height=40, leaves=leaves) for leaves in (0.45, 0.7, 0.15)),
-    *(Setting(ground="country", seed=11, height=height) for height in (45, 75)),
+    *(Setting(ground="country", seed=11, height=height) for height in (45, 75, 105)),
     *(Setting(ground="halls", seed=12, height=height) for height in (35, 70)),
     Setting(ground="berries", seed=12, height=35),
     Setting(ground="woods", seed=16, height=50, relief=1.0),
@@ -307,17 +308,15 @@ def stated(looks: Looks, fitted: Coefficients) -> tuple[Floats, Floats]:
 
 def fit(looks: Looks) -> Coefficients:
     """By maximum likelihood: first each look by itself, then how they come together."""
-    start = np.array([0.0, 3.0, 2.0, 4.0, -1.5, -1.0])
+    start = np.array([0.9, -1.5, 2.5, 2.5, 4.0, -1.5, -0.7])
 
     def of_one(values: Floats) -> Coefficients:
-        return Coefficients(
-            **dict(zip(("offset", "contrast", "blur", "leaves_offset", "leaves", "leaves_share"), values, strict=True)),
-            again=0.5,
-            through=0.5,
-        )
+        return Coefficients(**dict(zip(PER_LOOK, values.tolist(), strict=True)), again=0.5, through=0.5)
 
     def single_cost(values: Floats) -> float:
         one = of_one(values)
+        if not 0 < one.most <= 1:
+            return 1e3
         chance = 0.5 * sum(of_look(each, looks.kept, one) for each in (looks.in_sun, looks.in_shade))
         chance = chance * open_to_view(looks.disagreement, looks.texture, one)
         return _cost(chance, looks.found) + 1e-4 * float((values - start) @ (values - start))

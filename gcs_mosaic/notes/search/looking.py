@@ -1,8 +1,8 @@
 """Looking, shared out: each open page has a patch of ground that nobody has looked at, and no two pages have the same.
 
-A patch is a rectangle of the reviews' cells that fits a screen at full sharpness. It is lent for `LENT_S` and kept by asking again;
-a page that is closed gives it back, one that is gone loses it. Lent patches are kept in the notes, so that a server that is started
-again lends none of them twice. What was looked at is a review like any other.
+A patch is a rectangle of the reviews' cells that fits a screen at full sharpness. It is lent for `LENT_S` and kept by asking
+again; a page that is closed gives it back, one that is gone loses it. Lent patches are kept in the notes, so that a server that
+is started again lends none of them twice. What was looked at is a review like any other.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from aiohttp import web
 
 from gcs_mosaic.notes.search.looking import LEAST_LOOK_S, LENT_S, MOST_SIDE, Patch, Place, open_of
 from gcs_mosaic.notes.search.reviews import LONGEST_LOOK_S, Question, ReviewedView, seen_cells
-from gcs_mosaic.notes.storage.checked import Who
+from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Who
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.flight_view import FlightView, FrameTable
@@ -44,6 +44,7 @@ class SessionBody:
     """A page that has a patch."""
 
     session: Session
+    who: Annotated[str, Limits(longest=LONGEST_NAME), "not needed"] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

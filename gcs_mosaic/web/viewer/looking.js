@@ -23,7 +23,7 @@ export class Looking {
     this.map = map;
     this.reviews = reviews;
     this.metresPerUnit = metresPerUnit;
-    this.session = crypto.getRandomValues(new Uint32Array(4)).join("-");
+    this.session = crypto.getRandomValues(new Uint32Array(3)).join("-");
     this.bar = byId("looking");
     this.told = byId("looking-told");
     this.drawn = L.layerGroup().addTo(map.map);

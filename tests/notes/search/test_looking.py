@@ -31,9 +31,8 @@ class Helpers:
         self.looking = Looking(book, self.reviews, self.clock)
 
     def open(self) -> set[Cell]:
-        until = dict.fromkeys(
-            self.reviews.reviewed(Question(island=0, box=(-HALF_SPAN, -HALF_SPAN, HALF_SPAN, HALF_SPAN), level=15)), 5
-        )
+        whole = Question(island=0, box=(-HALF_SPAN, -HALF_SPAN, HALF_SPAN, HALF_SPAN), level=15)
+        until = dict.fromkeys(self.reviews.reviewed(whole), 5)
         return open_of(dict.fromkeys(GROUND, 5), until)
 
     def ask(self, session: str, columns: int = 4, lines: int = 3, put_off: bool = False) -> Patch | None:
