@@ -13,7 +13,7 @@ from gcs_mosaic.cli.aircraft import add_recorded_frames, add_sources, add_vehicl
 from gcs_mosaic.cli.through_trees import add_flying, add_integral
 from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
-from gcs_mosaic.detection.persons import CLOTHES, POSTURES, Person
+from gcs_mosaic.detection.persons import CLOTHES, POSTURES, Person, is_clothes, is_posture
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.extensions import names
 from gcs_mosaic.hints.settings import HintSettings
@@ -346,7 +346,7 @@ def _probability(text: str) -> float:
 
 def _person(text: str) -> Person:
     posture, _, clothes = text.partition(",")
-    if posture not in POSTURES or clothes not in CLOTHES:
+    if not is_posture(posture) or not is_clothes(clothes):
         raise argparse.ArgumentTypeError(
             f"{text} is nobody: give a posture ({', '.join(POSTURES)}) and clothes ({', '.join(CLOTHES)}), as lying,blue"
         )

@@ -63,7 +63,7 @@ def filtered(picture: ImageBGR, side_px: float) -> FilteredPicture:
     scale = min(1.0, SIDE_PX / side_px)
     size = max(8, round(width * scale)), max(8, round(height * scale))
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if scale < 1 else picture
-    lab = cv2.cvtColor(small.astype(np.float32) / np.float32(255), cv2.COLOR_BGR2Lab)
+    lab = np.asarray(cv2.cvtColor(small.astype(np.float32) / np.float32(255), cv2.COLOR_BGR2Lab), np.float32)
     side = int(np.clip(round(side_px * scale), 1, SIDE_PX))
     means = _box(lab, side)
     return FilteredPicture(means, means - _box(means, SURROUND * side), size[0] / width, side)
@@ -115,10 +115,9 @@ def disagreement(one: FilteredPicture, other: FilteredPicture, pixels: FloatImag
     height, width = one.means.shape[:2]
     down = np.linspace(0, pixels.shape[0] - 1, height, dtype=np.float32)
     across = np.linspace(0, pixels.shape[1] - 1, width, dtype=np.float32)
-    mesh = cv2.remap(pixels, *np.meshgrid(across, down), cv2.INTER_LINEAR)
-    seen = cv2.remap(
-        other.local[..., 0], mesh, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=math.nan
-    )
+    x, y = cv2.split(cv2.remap(pixels, *np.meshgrid(across, down), cv2.INTER_LINEAR))
+    there = np.ascontiguousarray(other.local[..., 0])
+    seen = cv2.remap(there, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=math.nan)
     known = np.isfinite(seen)
     squared = np.where(known, (seen - one.local[..., 0]) ** 2, 0).astype(np.float32)
     around = AROUND * one.side

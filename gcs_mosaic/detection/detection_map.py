@@ -21,7 +21,7 @@ from gcs_mosaic.detection.model import (
 )
 from gcs_mosaic.detection.persons import Person
 from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.stitch.arrays import Array, Mask, PointsNx2
+from gcs_mosaic.stitch.arrays import Array, Indices, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance, pixels_from_canvas
 from gcs_mosaic.views.coverage import Coverage, Grid, cells_of, flown_area, nearest_cells
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of
@@ -75,7 +75,7 @@ class _Looks:
         self.directions = np.zeros(shape, np.uint64)
         self.is_seen = np.zeros(shape, np.bool_)
 
-    def add(self, rows: Array, columns: Array, single: Array, is_open: Array, squares: Array) -> None:
+    def add(self, rows: Indices, columns: Indices, single: Array, is_open: Array, squares: Array) -> None:
         at = rows, columns
         self.best[at] = np.maximum(self.best[at], single)
         self.missed[at] += np.log1p(-np.minimum(single, 1 - 1e-9))
@@ -145,8 +145,8 @@ def _add(
     cells = cells_of(grid, table.outlines[index])
     if cells is None or found.ground is None:
         return
-    rows, columns = np.nonzero(cells[1])
-    rows, columns = rows + cells[0][0].start, columns + cells[0][1].start
+    down, across = np.nonzero(cells[1])
+    rows, columns = down + cells[0][0].start, across + cells[0][1].start
     places = np.stack([grid.left + (columns + 0.5) * grid.cell, grid.top + (rows + 0.5) * grid.cell], axis=-1)
     seen = pixels_of(painted, places)
     gsd = ground_sampling_distance(
@@ -156,7 +156,7 @@ def _add(
     inside = np.isfinite(gsd) & ((seen > -0.5) & (seen < [width - 0.5, height - 0.5])).all(axis=1)
     if not inside.any():
         return
-    rows, columns, places, seen, gsd = (one[inside] for one in (rows, columns, places, seen, gsd))
+    rows, columns, places, seen, gsd = rows[inside], columns[inside], places[inside], seen[inside], gsd[inside]
     per_painted = found.ground.width / width
     fitted, sharp = coefficients(), float(table.sharpness[index])
     look = look_at(found.ground, found.differs, (seen + 0.5) * per_painted - 0.5, person)

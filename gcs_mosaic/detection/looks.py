@@ -35,7 +35,9 @@ def look_at(ground: GroundStatistics, differs: Array | None, pixels: PointsNx2, 
 
     def contrast(level: Array) -> Array:
         apart = lab_of(person, level) - colours
-        return np.sqrt(np.einsum("ni,nij,nj->n", apart, inverse, apart)) * person.fill / max(ground.tail, 1e-3)
+        return np.asarray(
+            np.sqrt(np.einsum("ni,nij,nj->n", apart, inverse, apart)) * person.fill / max(ground.tail, 1e-3)
+        )
 
     return PlaceLook(
         in_sun=contrast(np.ones(len(pixels))),

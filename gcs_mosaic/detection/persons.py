@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, TypeGuard, get_args
 
 Posture = Literal["lying", "standing"]
 Clothes = Literal["orange", "red", "yellow", "white", "blue", "grey", "black", "olive", "brown"]
@@ -42,3 +42,13 @@ class Person:
     def fill(self) -> float:
         """Share of that square, laid over its middle, that it fills."""
         return FILL[self.posture]
+
+
+def is_posture(text: str) -> TypeGuard[Posture]:
+    """Whether it is one that there is."""
+    return text in POSTURES
+
+
+def is_clothes(text: str) -> TypeGuard[Clothes]:
+    """Whether they are some that there are."""
+    return text in CLOTHES

@@ -177,7 +177,9 @@ class Peopled:
         empty = self.scene.light(state)
         peopled = empty.copy()
         targets = [one.target for one in self.people]
-        paint_targets(peopled, targets, state, lambda at, ground: on_the_floor(lens, at, ground))
+        paint_targets(
+            peopled, targets, state, lambda at, ground: on_the_floor(lens, at, np.asarray(ground, np.float64))
+        )
         x, y, height = self.scene.seen(state, rays)
         if self.scene.relief:
             above = height > LEAVES_FROM
@@ -191,7 +193,7 @@ class Peopled:
             if self.canopy is not None:
                 self.canopy.cover(one, state, rays)
             if self.smears[index]:
-                one = cv2.blur(one, (1, int(self.smears[index]) + 1))
+                one = np.asarray(cv2.blur(one, (1, int(self.smears[index]) + 1)), np.float32)
             counts = expose(self.scene.camera, one, 1.0, self.scene.chance(index))
             data = cv2.imencode(".jpg", counts, [cv2.IMWRITE_JPEG_QUALITY, self.scene.camera.quality])[1]
             found.append(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8))
@@ -303,7 +305,8 @@ def stated(looks: Looks, fitted: Coefficients) -> tuple[Floats, Floats]:
     mean_open = np.bincount(whose, is_open) / np.bincount(whose)
     pairs = np.unique(np.stack([whose, looks.direction], axis=-1), axis=0)
     directions = np.bincount(pairs[:, 0].astype(int), minlength=count)
-    return together(best, missed, fitted) * through_leaves(mean_open, directions, fitted), found
+    seen = through_leaves(mean_open, np.asarray(directions, np.float64), fitted)
+    return np.asarray(together(best, missed, fitted) * seen), found
 
 
 def fit(looks: Looks) -> Coefficients:

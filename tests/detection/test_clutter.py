@@ -22,7 +22,7 @@ def ground(deviation: float, seed: int = 1, grain: int = 12, size: tuple[int, in
         np.random.default_rng(seed).normal(0, deviation, (height // grain + 1, width // grain + 1)).astype(np.float32)
     )
     large = cv2.resize(noise, size, interpolation=cv2.INTER_CUBIC)[..., None]
-    return np.clip(np.array([70, 110, 130], np.float32) + large, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(np.array([70, 110, 130], np.float32) + large, 0, 255), np.uint8)
 
 
 def with_a_person(picture: ImageBGR, bgr: tuple[int, int, int]) -> ImageBGR:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import cv2
 import numpy as np
@@ -34,6 +34,7 @@ from gcs_mosaic.web.api.operations import NO_NOTES, Media, Operations, Reply
 from gcs_mosaic.web.tile_answer import tile_answer
 
 OPERATIONS = Operations()
+Result = TypeVar("Result")
 By = Literal["anchor", "distance", "pixels"]
 ASKED_S = 20.0  # frames are measured for so long after somebody has asked
 PAUSE_S = 0.3
@@ -89,7 +90,8 @@ class Sought:
 
 
 class Measuring:
-    """Measures frames on a thread of its own for as long as somebody asks."""
+    """Measures frames, and makes maps of them, on a thread of its own: other questions do not wait for it. Frames are measured
+    for as long as somebody asks."""
 
     def __init__(self, detections: Detections) -> None:
         self.detections = detections
@@ -100,11 +102,14 @@ class Measuring:
         """Somebody is looking."""
         self._asked = time.monotonic()
 
+    async def run(self, work: Callable[..., Result], *given: Any) -> Result:
+        """Run blocking work on that thread."""
+        return await asyncio.get_running_loop().run_in_executor(self._pool, work, *given)
+
     async def for_ever(self) -> None:
-        loop = asyncio.get_running_loop()
         while True:
             is_asked = time.monotonic() - self._asked < ASKED_S
-            if not is_asked or not await loop.run_in_executor(self._pool, self.detections.step):
+            if not is_asked or not await self.run(self.detections.step):
                 await asyncio.sleep(PAUSE_S)
 
     def end(self) -> None:
@@ -139,8 +144,9 @@ async def _kept(app: web.Application) -> AsyncIterator[None]:
 async def detection(request: web.Request) -> web.StreamResponse:
     """Whether a person would have been seen, by what is measured so far; asking has the frames measured."""
     asked = await _sought(request)
-    request.app[MEASURING].note_asked()
-    return answer(await in_thread(request, _answer, request, asked))
+    measuring = request.app[MEASURING]
+    measuring.note_asked()
+    return answer(await measuring.run(_answer, request, asked))
 
 
 @OPERATIONS.add(
@@ -156,8 +162,9 @@ async def detection_tile(request: web.Request) -> web.StreamResponse:
     if not is_possible(tile, FINEST_LEVEL):
         raise missing("There is no such tile.")
     asked = await _sought(request)
-    request.app[MEASURING].note_asked()
-    return tile_answer(request, await in_thread(request, _tile, request, asked, tile))
+    measuring = request.app[MEASURING]
+    measuring.note_asked()
+    return tile_answer(request, await measuring.run(_tile, request, asked, tile))
 
 
 async def _sought(request: web.Request) -> Sought:

@@ -9,15 +9,17 @@ from typing import Annotated
 from aiohttp import web
 
 from gcs_mosaic.notes.search.looking import LEAST_LOOK_S, LENT_S, MOST_SIDE, Patch, Place, open_of
+from gcs_mosaic.notes.search.opinions import FindOpinion, Opinion
 from gcs_mosaic.notes.search.reviews import LONGEST_LOOK_S, Question, ReviewedView, seen_cells
 from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Who
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.flight_view import FlightView, FrameTable
 from gcs_mosaic.web.api.asked import asked_body
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread
-from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes
-from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
+from gcs_mosaic.web.api.finds import ONE
+from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 
 PATH = f"{BASE}/looking"
 OPERATIONS = Operations()
@@ -74,6 +76,42 @@ class KeptAnswer:
     """Whether the patch is still that page's."""
 
     kept: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpinionBody:
+    """A second opinion on a find."""
+
+    opinion: Opinion
+    who: Who
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpinionsAnswer:
+    """What others say of finds."""
+
+    opinions: Sequence[FindOpinion]
+
+
+@OPERATIONS.add("GET", f"{BASE}/opinions", Reply("The opinions.", OpinionsAnswer, tagged=True), failures=NO_NOTES)
+async def opinions(request: web.Request) -> web.StreamResponse:
+    """What others than those who set them say of finds."""
+    notes = request.app[NOTES]
+    return told_anew(request, OpinionsAnswer(opinions=await notes.run(notes.opinions.all)))
+
+
+@OPERATIONS.add(
+    "POST",
+    f"{ONE}/opinions",
+    Reply("It is on the disk.", OpinionsAnswer),
+    body=OpinionBody,
+    failures=NO_NUMBER | NO_NOTES,
+)
+async def say(request: web.Request) -> web.StreamResponse:
+    """Give a second opinion on a find, by name; once more changes it."""
+    asked, notes = await asked_body(request, OpinionBody), request.app[NOTES]
+    await notes.run(notes.opinions.say, id_of(request), asked.who, asked.opinion)
+    return answer(OpinionsAnswer(opinions=await notes.run(notes.opinions.all)))
 
 
 @OPERATIONS.add("POST", PATH, Reply("The patch is lent.", LookingAnswer), body=PatchWishBody, failures=NO_NOTES)

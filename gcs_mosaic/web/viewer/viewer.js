@@ -22,6 +22,7 @@ import { MosaicMap } from "/viewer/map.js";
 import { Measure } from "/viewer/measure.js";
 import { Mission } from "/viewer/mission.js";
 import { Novelty } from "/viewer/novelty.js";
+import { Opinions } from "/viewer/opinions.js";
 import { Originals } from "/viewer/originals.js";
 import { makePanels, togglePanel } from "/viewer/panels.js";
 import { Placements } from "/viewer/placements.js";
@@ -54,6 +55,7 @@ const measure = new Measure(map, pointing);
 const anchors = new Anchors(map, pointing, placements);
 const reviews = new Reviews(map);
 new Looking(map, reviews, () => measure.metresPerUnit());
+const opinions = new Opinions();
 new Elsewhere();
 const detection = new Detection(map, pointing);
 new Mission(() => detection.sought());
@@ -141,7 +143,7 @@ const live = new Live(
     askStatus();
   },
   () => {
-    for (const one of noted) one.read(); // somebody has added something
+    for (const one of [...noted, opinions]) one.read(); // somebody has added something
   },
 );
 
