@@ -163,9 +163,7 @@ def _add(
     kept = kept_contrast(side / gsd * per_painted, np.full(len(gsd), sharp if np.isfinite(sharp) else 1.0))
     single = (of_look(look.in_sun, kept, fitted) + of_look(look.in_shade, kept, fitted)) / 2
     is_open = open_to_view(look.disagreement, look.texture, fitted)
-    looks.add(
-        rows, columns, single, np.where(np.isfinite(look.disagreement), is_open, np.nan), _squares(painted, places)
-    )
+    looks.add(rows, columns, single, is_open, _squares(painted, places))
 
 
 def _squares(painted: RenderItem, places: PointsNx2) -> Array:

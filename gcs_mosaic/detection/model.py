@@ -67,12 +67,11 @@ def of_look(to_clutter: Array, kept: Array, fitted: Coefficients) -> Array:
 
 def open_to_view(disagreement: Array, texture: Array, fitted: Coefficients) -> Array:
     """That nothing is before a person, by how much two looks differ there, and how much the ground does from place to place
-    (deviations of L*); not known (NaN) counts as open."""
+    (deviations of L*); NaN where that is not known."""
     differs = np.maximum(disagreement, LEAST_DISAGREEMENT)
     share = np.clip(differs**2 / (2 * texture**2 + LEAST_DISAGREEMENT**2), LEAST_SHARE, 1 - LEAST_SHARE)
     odds = np.log(share / (1 - share))
-    found = _logistic(fitted.leaves_offset + fitted.leaves * np.log(differs) + fitted.leaves_share * odds)
-    return np.where(np.isfinite(found), found, 1.0)
+    return _logistic(fitted.leaves_offset + fitted.leaves * np.log(differs) + fitted.leaves_share * odds)
 
 
 def together(best: Array, log_missed: Array, fitted: Coefficients) -> Array:

@@ -61,6 +61,7 @@ SMEARS = (0, 0, 0, 0, 2, 4, 8)  # px of motion, drawn for each frame
 SHADE, SHADED = 0.4, 0.9  # of the sun's light; deviations of noise above which there is shade
 LEAVES_FROM = 1.0  # metres over the ground: what is higher hides who lies below
 PER_LOOK = ("most", "offset", "contrast", "blur", "leaves_offset", "leaves", "leaves_share")
+FLIGHT = 100_000  # numbers of people of a flight
 MESH = 12  # columns and rows over which a picture is laid on another
 Floats = NDArray[np.float64]
 
@@ -113,9 +114,6 @@ class Looks:
     disagreement: Floats
     direction: Floats
     found: Floats
-
-    def of_flight(self, flight: int) -> Looks:
-        return replace(self, person=self.person + 1e5 * flight)
 
 
 @dataclass(frozen=True)
@@ -292,10 +290,23 @@ def _rows(
         yield np.array([*(float(np.squeeze(value)) for value in values), float(box.max(initial=0) > threshold)])
 
 
+def opened(looks: Looks, fitted: Coefficients) -> Floats:
+    """As of `open_to_view`; where that is not known as of the same place's other looks, else as of the flight's."""
+    found = open_to_view(looks.disagreement, looks.texture, fitted)
+    known = np.isfinite(found)
+    for whose in (looks.person, looks.person // FLIGHT):
+        _, group = np.unique(whose, return_inverse=True)
+        count = np.bincount(group, known)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.bincount(group, np.where(known, found, 0)) / count
+        found, known = np.where(known, found, mean[group]), known | (count[group] > 0)
+    return np.where(known, found, 1.0)
+
+
 def stated(looks: Looks, fitted: Coefficients) -> tuple[Floats, Floats]:
     """Of each person: the stated probability of all looks together, and whether the reader found it in any."""
     single = 0.5 * sum(of_look(one, looks.kept, fitted) for one in (looks.in_sun, looks.in_shade))
-    is_open = open_to_view(looks.disagreement, looks.texture, fitted)
+    is_open = opened(looks, fitted)
     _, whose = np.unique(looks.person, return_inverse=True)
     count = whose.max() + 1
     best, missed, found = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -321,7 +332,7 @@ def fit(looks: Looks) -> Coefficients:
         if not 0 < one.most <= 1:
             return 1e3
         chance = 0.5 * sum(of_look(each, looks.kept, one) for each in (looks.in_sun, looks.in_shade))
-        chance = chance * open_to_view(looks.disagreement, looks.texture, one)
+        chance = chance * opened(looks, one)
         return _cost(chance, looks.found) + 1e-4 * float((values - start) @ (values - start))
 
     one = of_one(minimize(single_cost, start, method="Nelder-Mead", options={"maxiter": 4000, "maxfev": 4000}).x)
@@ -375,7 +386,7 @@ def looks_of(settings: Sequence[Setting], keep: Path | None) -> Looks:
             print(f"{setting}: {table.shape[1]} looks, {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
             if keep is not None:
                 np.save(keep / name, table)
-        tables.append(np.vstack([table[:1] + 1e5 * number, table[1:]]))
+        tables.append(np.vstack([table[:1] + FLIGHT * number, table[1:]]))
     return Looks(*np.hstack(tables))
 
 
