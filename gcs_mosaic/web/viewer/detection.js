@@ -112,13 +112,13 @@ export class Detection {
   tell(answer) {
     byId("detection-scale").hidden = answer.by === "anchor" || answer.by === "distance";
     const isWhole = answer.measured === answer.frames;
-    this.told.textContent = answer.flown === null ? "" : t("{share} % in what was flown so far, gaps included", { share: percent(answer.flown) });
+    this.told.textContent = answer.flown == null ? "" : t("{share} % in what was flown so far, gaps included", { share: percent(answer.flown) });
     const notes = [answer.trouble && said(answer.trouble)];
-    if (answer.seen !== null) notes.push(t("On ground that was seen: {share} %.", { share: percent(answer.seen) }));
-    if (answer.person_px !== null) notes.push(t("A person is {px} px across.", { px: answer.person_px.toFixed(1) }));
+    if (answer.seen != null) notes.push(t("On ground that was seen: {share} %.", { share: percent(answer.seen) }));
+    if (answer.person_px != null) notes.push(t("A person is {px} px across.", { px: answer.person_px.toFixed(1) }));
     if (answer.frames && !isWhole) notes.push(t("{n} of {all} pictures are measured.", { n: answer.measured, all: answer.frames }));
     byId("detection-said").textContent = notes.filter(Boolean).join(" ");
-    this.part.textContent = answer.part === null ? "" : t("{share} % in the part drawn", { share: percent(answer.part) });
+    this.part.textContent = answer.part == null ? "" : t("{share} % in the part drawn", { share: percent(answer.part) });
   }
 
   showLegend(colours) {
