@@ -23,7 +23,7 @@ from gcs_mosaic.detection.persons import Person
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Array, Indices, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance, pixels_from_canvas
-from gcs_mosaic.views.coverage import Coverage, Grid, cells_of, flown_area, nearest_cells
+from gcs_mosaic.views.coverage import Coverage, Gap, Grid, cells_of, footprint_of, nearest_cells
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of
 
 PER_FOOTPRINT = 12  # cells
@@ -34,8 +34,8 @@ SQUARES = 8  # of directions each way; farther ones begin anew
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionMap:
     """Of an island at a revision of the map. `probability` (rows, columns): NaN where nothing measured was seen, 0 in gaps;
-    `flown`: cells of the flown area, `is_seen`: of those that a measured frame saw; `measured` of `frames`; `troubles`: of frames
-    that cannot be measured, each once."""
+    `flown`: cells that were seen or are gaps, `is_seen`: of those that a measured frame saw; `measured` of `frames`; `troubles`:
+    of frames that cannot be measured, each once."""
 
     revision: int
     grid: Grid
@@ -99,15 +99,15 @@ def detection_map(
     view: FlightView,
     island: int,
     whole: Coverage,
-    footprint: float,
+    gaps: Sequence[Gap],
     measured: MeasuredFrames,
     person: Person,
     side: float,
 ) -> DetectionMap:
-    """Of an island, of what is measured so far. `whole`, `footprint`: what was seen of it, canvas units; `side`: of the person,
+    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person,
     canvas units."""
     table = view.table()
-    grid = _coarse(whole.grid, footprint)
+    grid = _coarse(whole.grid, footprint_of(table.boxes[table.islands == island]))
     looks = _Looks((grid.rows, grid.columns))
     ours = [index for index, one in enumerate(table.frames) if one.island == island]
     known = [(index, found) for index in ours if (found := measured.of(table.frames[index])) is not None]
@@ -116,14 +116,15 @@ def detection_map(
         if found.ground is not None and painted is not None:
             _add(looks, grid, table, index, found, painted, person, side)
     probability = looks.probability(coefficients())
-    flown = _resampled(flown_area(whole, footprint), whole.grid, grid)
-    probability[flown & ~_resampled(whole.looks > 0, whole.grid, grid)] = 0.0
+    seen = _resampled(whole.looks > 0, whole.grid, grid)
+    bare = _gap_cells(grid, gaps) & ~seen
+    probability[bare] = 0.0
     grey = [found.ground.is_grey for _, found in known if found.ground is not None]
     return DetectionMap(
         revision=table.revision,
         grid=grid,
         probability=probability,
-        flown=flown,
+        flown=seen | bare,
         is_seen=looks.is_seen,
         frames=len(ours),
         measured=len(known),
@@ -178,6 +179,15 @@ def _coarse(grid: Grid, footprint: float) -> Grid:
     left, top, right, bottom = grid.box
     cell = max(footprint / PER_FOOTPRINT, (right - left) / MOST_CELLS, (bottom - top) / MOST_CELLS, grid.cell)
     return Grid(left, top, cell, int(np.ceil((right - left) / cell)), int(np.ceil((bottom - top) / cell)))
+
+
+def _gap_cells(grid: Grid, gaps: Sequence[Gap]) -> Mask:
+    found = np.zeros((grid.rows, grid.columns), np.bool_)
+    for gap in gaps:
+        cells = cells_of(grid, np.array(gap.outline))
+        if cells is not None:
+            found[cells[0]] |= cells[1]
+    return found
 
 
 def _resampled(cells: Mask, of: Grid, grid: Grid) -> Mask:

@@ -15,7 +15,7 @@ from gcs_mosaic.detection.detection_map import DetectionMap, detection_map
 from gcs_mosaic.detection.measured_frames import MeasuredFrames
 from gcs_mosaic.detection.persons import Person
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.views.coverage import SeenIsland, footprint_of
+from gcs_mosaic.views.coverage import SeenIsland
 from gcs_mosaic.views.flight_view import FlightView
 
 KEPT_SIZES, KEPT_MAPS = 2, 8  # postures; islands, postures and clothes
@@ -45,10 +45,8 @@ class Detections:
             seen, began = self._coverage_of(island), time.thread_time()
             if seen.coverage is None:
                 return None
-            table = self._view.table()
-            footprint = footprint_of(table.boxes[table.islands == island])
             side = math.exp(size / SIZE_STEPS)
-            made = detection_map(self._view, island, seen.coverage, footprint, measured, person, side)
+            made = detection_map(self._view, island, seen.coverage, seen.gaps, measured, person, side)
             rest = max(LEAST_REST_S, REST * (time.thread_time() - began))
             self._maps[island, person, size] = time.monotonic() + rest, state, made
             while len(self._maps) > KEPT_MAPS:
