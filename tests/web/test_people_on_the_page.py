@@ -40,7 +40,7 @@ FLY, SEARCH, REPORT = (
     ["reviews", "hints", "measure"],
     ["finds", "anchors", "elsewhere"],
 )
-PANELS = [*FLY, *SEARCH, *REPORT, "look"]
+PANELS = [*FLY, *SEARCH, *REPORT, "look", "detection"]
 UNFOLD = "document.querySelectorAll('#elsewhere details').forEach((one) => { one.open = true; })"
 
 
