@@ -144,7 +144,7 @@ def test_ground_that_was_painted_since_is_to_be_looked_at_again(page: Page, url:
 
 
 def test_leases_end_by_themselves(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "LENT_S", 0.5)
+    monkeypatch.setattr(module, "LENT_S", 4.0)
     client = Writer(url)
     asked = {"session": "a", "island": 0, "columns": 3, "lines": 3, "who": "a"}
     first = client.send("POST", "/looking", asked)[1]["patch"]
@@ -152,6 +152,6 @@ def test_leases_end_by_themselves(url: str, monkeypatch: pytest.MonkeyPatch) -> 
     assert apart(first["box"], other["patch"]["box"])
     assert [one["who"] for one in other["others"]] == ["a"]
     assert client.send("POST", "/looking/keep", {"session": "a"})[1] == {"kept": True}
-    time.sleep(0.7)
+    time.sleep(4.5)
     assert client.send("POST", "/looking/keep", {"session": "a"})[1] == {"kept": False}
     assert client.send("POST", "/looking", asked | {"session": "c", "who": "c"})[1]["patch"]["box"] == first["box"]
