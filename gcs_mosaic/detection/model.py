@@ -20,6 +20,7 @@ TABLE = Path(__file__).parent / "coefficients.json"
 EACH = 2000  # places of a person's size, of which the reader takes one for a person
 DIRECTION_DEG = 4.0  # looks from one such square of directions see through the same gaps between leaves
 LEAST_SHARE = 0.01  # of the texture that looks do not have in common: less, or all but so much, cannot be told
+WHOLE_PX = 1.5  # a person who is smaller fills no pixel
 LEAST_DISAGREEMENT = 0.5  # of L*: less is noise
 
 
@@ -54,8 +55,10 @@ def written(fitted: Coefficients) -> str:
 def kept_contrast(side_px: Array, sharpness: Array) -> Array:
     """Natural log of the share of a person's contrast that blur leaves. A picture that is half as sharp is smeared over about two
     pixels; `side_px` of the person, `sharpness` as a share of the pictures around."""
-    smeared = 1 / (np.maximum(sharpness, 0.05) * np.maximum(side_px, 0.2))
-    return np.asarray(-0.5 * np.log1p(smeared**2))
+    side = np.maximum(side_px, 0.1)
+    smeared = 1 / (np.maximum(sharpness, 0.05) * side)
+    mixed = 2 * np.log(np.minimum(side / WHOLE_PX, 1.0))  # the share of the fullest pixel
+    return np.asarray(mixed - 0.5 * np.log1p(smeared**2))
 
 
 def of_look(to_clutter: Array, kept: Array, fitted: Coefficients) -> Array:

@@ -38,6 +38,8 @@ def test_more_contrast_more_pixels_and_sharper_pictures_never_make_it_less_proba
     for values in (contrast, size, sharp):
         assert (np.diff(values) >= 0).all()
     assert contrast[0] < 0.01
+    speck = kept_contrast(array(0.5), array(1.0))
+    assert of_look(array(8.0), speck, FITTED) < 0.2, "of half a pixel little is seen in the highest contrast"
     assert contrast[-1] == pytest.approx(FITTED.most)
 
 

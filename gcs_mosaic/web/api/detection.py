@@ -213,7 +213,7 @@ def _answer(request: web.Request, asked: Sought) -> DetectionAnswer:
         told,
         trouble="".join(found.troubles[:1]),
         flown=found.within(found.flown),
-        seen=found.within(found.is_seen),
+        seen=found.within(found.is_seen & found.flown),
         part=None if asked.outline is None else found.within(found.cells_in(asked.outline)),
     )
 
