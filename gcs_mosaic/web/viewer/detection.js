@@ -75,7 +75,7 @@ export class Detection {
     layers.select.value = "";
     layers.choose(); // one layer at a time
     const path = (island, { z, x, y }, revision) => `/api/v1/detection/${island}/${z}/${x}/${y}.png?${this.asked()}&r=${revision}`;
-    this.tiles = new LiveTiles(path, layer.island, 0, () => {}, { ...layers.options, zIndex: 5, tileClass: "layer-tile" });
+    this.tiles = new LiveTiles(path, layer.island, 0, () => {}, { ...layers.options, zIndex: 5, opacity: 0.6, tileClass: "layer-tile" });
     this.tiles.addTo(this.map.map);
     this.shown = "";
   }

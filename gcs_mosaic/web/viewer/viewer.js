@@ -21,6 +21,7 @@ import { Looking } from "/viewer/looking.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Measure } from "/viewer/measure.js";
 import { Mission } from "/viewer/mission.js";
+import { Movers } from "/viewer/movers.js";
 import { Novelty } from "/viewer/novelty.js";
 import { Opinions } from "/viewer/opinions.js";
 import { Originals } from "/viewer/originals.js";
@@ -30,6 +31,7 @@ import { Pointing } from "/viewer/pointing.js";
 import { Reviews } from "/viewer/reviews.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { makeSheet, showStrip } from "/viewer/strip.js";
+import { Thermal } from "/viewer/thermal.js";
 import { loadWords } from "/viewer/words.js";
 
 const STATUS_EVERY_MS = 1000;
@@ -65,6 +67,7 @@ const flightPath = new FlightPath(map, placements, fleet);
 const absent = new Absent(map);
 const novelty = new Novelty(map);
 new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
+new Movers(map, (island, x, y, frame) => originals.ask(island, x, y, frame));
 originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
@@ -73,7 +76,7 @@ const aircraft = new AircraftChoice(byId("aircraft"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
-const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath, detection]; // what follows the map
+const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath, new Thermal(map), detection]; // what follows the map
 
 /** Read mosaic.json and what is new of the frames; calls that come meanwhile lead to one more reading afterwards. */
 async function readMap() {
