@@ -2,7 +2,8 @@
 
 Where two frames differ much, something is seen at another place, or at one only: a thing at its foot's place and where its height
 shifts it to, in either frame. All such cells that touch make one thing, with what they enclose; it goes to the frame that sees it
-better all in all, if one may show all of it. What is larger than a tile, as woods are, stays as the seam's path has it.
+better all in all, if one may show all of it. What is nearly as large as a tile, as woods are, or as small as a person
+who walks, stays as the seam's path has it.
 
 A cell's owner depends on cells within `LARGEST` + `ROUND` of it, so it is independent of how much of the map is processed.
 """
@@ -22,6 +23,7 @@ NEARLY = 0.8  # share of a thing that its frame may show; what is left is as it 
 ALONE = 8.0  # log ratio that no quality of view reaches, only a thing that the other frame has nowhere
 ROUND = 2 * CLOSED + RIM
 LARGEST = 25  # cells a side, rim included
+SMALLEST = 11  # cells of the longer side: what is smaller the seam's path goes around, and it may be someone who walks
 assert LARGEST + ROUND < CELLS, "a tile's owners follow from the tiles around it"
 
 
@@ -31,11 +33,11 @@ def as_wholes(cells: Cells, apart: Lattice, taken: Mask) -> Mask:
     Ties, and things that no frame may show alone, stay as they are `taken`.
     """
     count, numbers, boxes, _ = cv2.connectedComponentsWithStats(_of_things(cells, apart), connectivity=8)
-    small = (boxes[:, cv2.CC_STAT_WIDTH] <= LARGEST) & (boxes[:, cv2.CC_STAT_HEIGHT] <= LARGEST)
+    longer = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
     found = taken.copy()
     may_yield = (cells.lead < OPEN) & (cells.inside[1] == WHOLLY)
     for number in range(1, count):
-        if not small[number]:
+        if not SMALLEST <= longer[number] <= LARGEST:
             continue
         left, top, width, height, _ = boxes[number].tolist()
         box = slice(top, top + height), slice(left, left + width)

@@ -140,7 +140,7 @@ def _seen(flight: Flight, state: CameraState, painted: RenderItem, thing: Standi
     if not ((pixels > 2).all() and (pixels < np.array([lens.width - 3, lens.height - 3])).all()):
         return None
     places = place_in_level(painted, pixels)
-    hull = cv2.convexHull(places.astype(np.float32))[:, 0]
+    hull = np.asarray(cv2.convexHull(places.astype(np.float32))[:, 0], np.float32)
     return Seen(painted.name, hull, places[-len(thing.top) :].mean(axis=0).astype(np.float32))
 
 

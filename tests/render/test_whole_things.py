@@ -14,7 +14,7 @@ MIDDLE = SIDE // 2
 GROUND, ROOF = 90, 200
 # Above 0 frame 1 shows, below it frame 2: the seam in the middle, all of it open.
 ACROSS = np.linspace(1, -1, SIDE, dtype=np.float32)[None, :].repeat(SIDE, axis=0)
-ROWS = slice(MIDDLE - 4, MIDDLE + 4)
+ROWS = slice(MIDDLE - 5, MIDDLE + 5)
 
 
 def cells(decided: np.ndarray) -> Cells:

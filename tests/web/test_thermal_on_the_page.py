@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,9 +12,6 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.render.tile_grid import Tile
-from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
@@ -21,7 +19,7 @@ from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from tests.sure import sure
 from tests.web.browser import CHROMIUM, Page, open_browser
-from tests.web.seen_flight import CAMERA, seen_flight
+from tests.web.seen_flight import seen_flight
 from tests.web.small_flight import MIDDLE, SmallFlight
 from tests.web.test_app import Client
 
@@ -35,9 +33,8 @@ def flight(tmp_path: Path) -> SmallFlight:
     """Frames of counts without a unit; two tiles of faint structure side by side."""
     flight = seen_flight(tmp_path)
     with Ledger(flight.root / LEDGER_NAME) as ledger:
-        ledger.record_painted(RenderItem(name="00.jpg", order=0, island=0, pose=Pose(0, 0), camera=CAMERA, level=16))
         for one in ledger.painted(0):
-            ledger.record_painted(RenderItem(**{**fields_of(one), "display": COUNTS, "gain": (1.0,)}))
+            ledger.record_painted(replace(one, display=COUNTS, gain=(1.0,)))
     ground = cv2.GaussianBlur(np.random.default_rng(2).normal(size=(256, 512)), (0, 0), 4)
     levels = np.clip(150 + ground * (HAZE / ground.std()), 0, 255).astype(np.uint8)
     for right in (0, 1):
@@ -45,13 +42,8 @@ def flight(tmp_path: Path) -> SmallFlight:
         path.parent.mkdir(parents=True, exist_ok=True)
         half = sure(cv2.merge([levels[:, 256 * right : 256 * right + 256]] * 3))
         write_beside(path, cv2.imencode(".jpg", half, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes())
-    assert Tile(16, MIDDLE, MIDDLE)
     flight.write()
     return flight
-
-
-def fields_of(one: RenderItem) -> dict[str, object]:
-    return {name: getattr(one, name) for name in RenderItem.__dataclass_fields__}
 
 
 @pytest.fixture
