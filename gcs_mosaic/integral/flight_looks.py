@@ -11,8 +11,8 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
+from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.render.vignetting import brightening
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.decoding import original_pixels
@@ -98,12 +98,12 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     levels = levels * np.asarray(painted.gain, np.float32)
     x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
     pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
-    bright = brightening(painted.vignetting, pixels, painted.camera.width, painted.camera.height)
+    bright = brightening_of(painted, pixels)
     return GroundLook(
         name=painted.name,
         pose=painted.pose,
         camera=painted.camera,
-        image=np.ascontiguousarray(levels * bright, np.float32),
+        image=np.ascontiguousarray(levels if bright is None else levels * bright, np.float32),
         relief=painted.relief,
         left=left * reduction,
         top=top * reduction,
