@@ -189,6 +189,8 @@ def export_flight(given: argparse.Namespace) -> None:
         looks=given.looks,
         gsd=given.gsd,
         height=given.height,
+        below=given.below,
+        person=given.person,
     )
     print(export(given.flight, given.format, wish, Console(stderr=True)))
 

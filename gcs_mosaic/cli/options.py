@@ -13,6 +13,7 @@ from gcs_mosaic.cli.aircraft import add_recorded_frames, add_sources, add_vehicl
 from gcs_mosaic.cli.through_trees import add_flying, add_integral
 from gcs_mosaic.config.layers import settings_of
 from gcs_mosaic.config.methods import Method
+from gcs_mosaic.detection.persons import CLOTHES, POSTURES, Person, is_clothes, is_posture
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.extensions import names
 from gcs_mosaic.hints.settings import HintSettings
@@ -327,6 +328,29 @@ def _add_mission(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--gsd", type=_metres, metavar="M", help=told)
     told = "mission: metres over ground as it was flown, where the pictures do not tell"
     parser.add_argument("--height", type=_metres, metavar="M", help=told)
+    told = "mission: instead, ground where a person would have been seen with a lower probability, as 0.8"
+    parser.add_argument("--below", type=_probability, metavar="P", help=told)
+    told = f"who is sought, for --below and geojson: {'|'.join(POSTURES)},{'|'.join(CLOTHES)}; default lying,blue"
+    parser.add_argument("--person", type=_person, metavar="POSTURE,CLOTHES", help=told)
+
+
+def _probability(text: str) -> float:
+    try:
+        found = float(text)
+    except ValueError:
+        found = 0.0
+    if not 0 < found < 1:  # which NaN is not
+        raise argparse.ArgumentTypeError(f"{text} is no probability: give one between 0 and 1, as 0.8")
+    return found
+
+
+def _person(text: str) -> Person:
+    posture, _, clothes = text.partition(",")
+    if not is_posture(posture) or not is_clothes(clothes):
+        raise argparse.ArgumentTypeError(
+            f"{text} is nobody: give a posture ({', '.join(POSTURES)}) and clothes ({', '.join(CLOTHES)}), as lying,blue"
+        )
+    return Person(posture=posture, clothes=clothes)
 
 
 def _looks(text: str) -> int:

@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from gcs_mosaic.detection.detection_areas import ADVICE, areas
+from gcs_mosaic.detection.detections import Detections
+from gcs_mosaic.detection.persons import Person
 from gcs_mosaic.export.earth_map import EarthMap, left_out_words
 from gcs_mosaic.export.whole_file import whole_file
 from gcs_mosaic.geo.anchor import CanvasPlaces
@@ -28,9 +31,10 @@ DIGITS = 8  # of degrees: a millimetre
 Feature = dict[str, Any]
 
 
-def export_geojson(found: EarthMap, target: Path) -> str:
-    """Write a FeatureCollection (RFC 7946); returns a message. Raises UsageError."""
-    features = [one for one in _features(found) if _is_within(one, found.box)]
+def export_geojson(found: EarthMap, target: Path, person: Person | None = None) -> str:
+    """Write a FeatureCollection (RFC 7946); returns a message. `person`: with where they would have been seen, and how probably.
+    Raises UsageError."""
+    features = [one for one in _features(found, person) if _is_within(one, found.box)]
     document = {"type": "FeatureCollection", "gcs_mosaic": found.about(), "features": features}
     with whole_file(target) as path:
         path.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
@@ -39,11 +43,13 @@ def export_geojson(found: EarthMap, target: Path) -> str:
     return f"{told or 'nothing'}, {found.about()['error']}, written to {target}{left_out_words(found)}"
 
 
-def _features(found: EarthMap) -> Iterator[Feature]:
+def _features(found: EarthMap, person: Person | None) -> Iterator[Feature]:
     for island in found.pyramid.islands:
         yield from _footprints(found, island)
         yield from _path(found, island)
         yield from _gaps(found, island)
+        if person is not None:
+            yield from _detection(found, island, person)
     yield from _finds(found)
 
 
@@ -96,6 +102,19 @@ def _gaps(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
         yield _feature("Polygon", [_ring(island, np.array(gap.outline))], told)
 
 
+def _detection(found: EarthMap, island: EarthIsland, person: Person) -> Iterator[Feature]:
+    side = person.side_m / island.anchor.metres_per_unit
+    detections = Detections(found.view, IslandCoverage(found.view).of).whole(island.id, person, side)
+    if detections is None or detections.is_grey:
+        return
+    for one in areas(detections):
+        rings = [_ring(island, ring) for ring in one.rings]
+        error = _error(island, *one.rings[0].mean(axis=0))
+        told = {"is": "probability", "island": island.id, "posture": person.posture, "clothes": person.clothes}
+        told |= {"from": one.least, "to": one.most, "mean": round(one.mean, 2), "error_m": error, "advice": ADVICE}
+        yield _feature("Polygon", [rings[0], *(ring[::-1] for ring in rings[1:])], told)
+
+
 def _finds(found: EarthMap) -> Iterator[Feature]:
     follower = GroundFollower(found.view)
     for one in placed(finds_in(found.view.root), follower, anchor_of(found.laid)):
@@ -129,5 +148,7 @@ def _is_within(feature: Feature, box: Bounds | None) -> bool:
     """Whether any corner lies in the box."""
     if box is None:
         return True
-    points = np.array(feature["geometry"]["coordinates"], np.float64).reshape(-1, 2)
+    corners = feature["geometry"]["coordinates"]
+    outer = corners[0] if feature["geometry"]["type"] == "Polygon" else corners
+    points = np.array(outer, np.float64).reshape(-1, 2)
     return bool(((points >= box[:2]) & (points <= box[2:])).all(axis=1).any())

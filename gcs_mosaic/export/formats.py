@@ -15,6 +15,7 @@ from rich.progress import Progress as ProgressBar
 from gcs_mosaic.errors import UsageError
 
 if TYPE_CHECKING:
+    from gcs_mosaic.detection.persons import Person
     from gcs_mosaic.export.earth_map import EarthMap
     from gcs_mosaic.export.earth_raster import Crs
     from gcs_mosaic.export.earth_tiles import Progress, TileFormat
@@ -30,15 +31,18 @@ OPTIONS = {
     "looks": "--looks",
     "gsd": "--gsd",
     "height": "--height",
+    "below": "--below",
+    "person": "--person",
 }
-OF_A_MISSION = ("looks", "gsd", "height")
+OF_A_MISSION = ("looks", "gsd", "height", "below", "person")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:
     """What is asked for. `island`: None for all, or the largest where a file holds one; `box`: degrees; `zoom`: a level.
 
-    `looks`, `gsd` (metres a pixel), `height` (metres): as of a `MissionWish`."""
+    `looks`, `gsd` (metres a pixel), `height` (metres), `below`: as of a `MissionWish`; `person`:
+    who is sought."""
 
     to: Path | None = None
     island: int | None = None
@@ -51,6 +55,8 @@ class Wish:
     looks: int | None = None
     gsd: float | None = None
     height: float | None = None
+    below: float | None = None
+    person: Person | None = None
 
 
 Write: TypeAlias = Callable[[Path, Path, Wish, Console], str]  # of a flight, to a file; returns a message
@@ -109,10 +115,18 @@ def _finds(kind: str) -> Write:
 
 def _mission(kind: str) -> Write:
     def write(flight: Path, target: Path, wish: Wish, _: Console) -> str:
+        from gcs_mosaic.detection.persons import Person
         from gcs_mosaic.export.missions import export_mission
         from gcs_mosaic.handover.mission import MissionWish
 
-        asked = MissionWish(island=wish.island, looks=wish.looks or 1, gsd_m=wish.gsd, height_m=wish.height)
+        asked = MissionWish(
+            island=wish.island,
+            looks=wish.looks or 1,
+            gsd_m=wish.gsd,
+            height_m=wish.height,
+            below=wish.below,
+            person=wish.person or Person(),
+        )
         return export_mission(flight, target, kind, asked)
 
     return write
@@ -127,7 +141,7 @@ def _debriefing(flight: Path, target: Path, _: Wish, __: Console) -> str:
 def _geojson(flight: Path, target: Path, wish: Wish, _: Console) -> str:
     from gcs_mosaic.export.earth_features import export_geojson
 
-    return export_geojson(_earth_map(flight, wish), target)
+    return export_geojson(_earth_map(flight, wish), target, wish.person)
 
 
 def _raster(*, cog: bool) -> Write:
@@ -204,7 +218,7 @@ FORMATS: Mapping[str, Format] = {
     "pmtiles": _form("mosaic.pmtiles", _tiled("pmtiles"), "zoom", "box", "tiles"),
     "xyz": _form("mosaic-xyz", _tiled("xyz"), "zoom", "box", "tiles"),
     "kmz": _form("mosaic.kmz", _kmz, "zoom", "box"),
-    "geojson": _form("mosaic.geojson", _geojson, "box"),
+    "geojson": _form("mosaic.geojson", _geojson, "box", "person"),
     "finds-geojson": _form("finds.geojson", _finds("geojson")),
     "finds-csv": _form("finds.csv", _finds("csv")),
     "finds-kml": _form("finds.kml", _finds("kml")),

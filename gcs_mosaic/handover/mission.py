@@ -1,4 +1,4 @@
-"""A mission over what a flight has not seen: gaps, and patches that were seen too seldom or too coarsely.
+"""A mission over what a flight has not seen: gaps, and patches seen too seldom, too coarsely, or where a person may be missed.
 
 It is advice: a person looks at it in the ground station, says from where and whether it is flown, and flies it. It has waypoints
 and camera triggers by distance; nothing in it arms, takes off, sets a speed, returns or lands.
@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import median
 
 import numpy as np
 
+from gcs_mosaic.detection.detection_map import DetectionMap
+from gcs_mosaic.detection.detections import Detections
+from gcs_mosaic.detection.persons import Person
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.geo.ellipsoid import LocalPlane, Places
 from gcs_mosaic.handover.lawnmower import Sweep, in_order, sweep_over
-from gcs_mosaic.handover.patches import Patch, patches_below, patches_of_gaps
+from gcs_mosaic.handover.patches import Patch, patches_below, patches_in, patches_of_gaps
 from gcs_mosaic.handover.survey import IslandSurvey, survey_of
 from gcs_mosaic.notes.texts import shown
 from gcs_mosaic.views.coverage import SeenIsland, footprint_of
@@ -29,17 +32,21 @@ MOST_PATCHES = 200  # the largest of an island
 MANY_ITEMS = 700  # some autopilots hold no more
 
 CoverageOf = Callable[[int], SeenIsland]
+DetectionOf = Callable[[int, Person, float], DetectionMap | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionWish:
     """What is to be flown again: ground seen fewer than `looks` times, or coarser than `gsd_m` metres a pixel (None: as it was
-    flown). `height_m`: over ground, as it was flown, where the pictures do not tell; `island`: None for all with an anchor."""
+    flown), or where `person` would have been seen with a probability `below` that (None: it does not count). `height_m`: over
+    ground, as it was flown, where the pictures do not tell; `island`: None for all with an anchor."""
 
     island: int | None = None
     looks: int = 1
     gsd_m: float | None = None
     height_m: float | None = None
+    below: float | None = None
+    person: Person = field(default_factory=Person)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,16 +125,23 @@ class _Flying:
 
 
 def planned(
-    view: FlightView, anchors: Mapping[int, Anchor], islands: Sequence[int], coverage_of: CoverageOf, wish: MissionWish
+    view: FlightView,
+    anchors: Mapping[int, Anchor],
+    islands: Sequence[int],
+    coverage_of: CoverageOf,
+    wish: MissionWish,
+    detection_of: DetectionOf | None = None,
 ) -> Mission:
-    """The mission over all patches of these islands. `anchors`: of those that have one. Raises UsageError, in a sentence, if
-    there is no anchor, nothing to be flown, or no height."""
+    """The mission over all patches of these islands. `anchors`: of those that have one; `detection_of`: of an island, a person
+    and their side in canvas units, by default all frames are measured for that. Raises UsageError, in a sentence, if there is no
+    anchor, nothing to be flown, or no height."""
     wanted = [one for one in islands if wish.island in (None, one)]
     laid = [one for one in wanted if one in anchors]
     if not laid:
         what = "The map" if wish.island is None else f"Island {wish.island}"
         raise UsageError(f"{what} has no anchor, and so no longitude to fly to: set two pins or more on the page.")
-    todo = {one: found for one in laid if (found := _patches(view, coverage_of, one, anchors[one], wish))}
+    detection_of = detection_of or Detections(view, coverage_of).whole
+    todo = {one: found for one in laid if (found := _patches(view, coverage_of, detection_of, one, anchors[one], wish))}
     if not todo:
         raise UsageError(f"There is nothing to fly again: {_nothing(wish)}.")
     flying = {one: _flying(view, one, anchors[one], wish) for one in todo}
@@ -151,20 +165,40 @@ def planned(
     )
 
 
-def _patches(view: FlightView, coverage_of: CoverageOf, island: int, anchor: Anchor, wish: MissionWish) -> list[Patch]:
+def _patches(
+    view: FlightView, coverage_of: CoverageOf, detection_of: DetectionOf, island: int, anchor: Anchor, wish: MissionWish
+) -> list[Patch]:
     seen = coverage_of(island)
     coverage, gaps = seen.coverage, seen.gaps
     if coverage is None:
         return []
-    if wish.looks == 1 and wish.gsd_m is None:
-        return patches_of_gaps(coverage.grid, gaps[:MOST_PATCHES])
     table = view.table()
     footprint = footprint_of(table.boxes[table.islands == island])
+    if wish.below is not None:
+        found = detection_of(island, wish.person, wish.person.side_m / anchor.metres_per_unit)
+        return _improbable(found, wish.below, footprint)[:MOST_PATCHES]
+    if wish.looks == 1 and wish.gsd_m is None:
+        return patches_of_gaps(coverage.grid, gaps[:MOST_PATCHES])
     coarsest = math.inf if wish.gsd_m is None else wish.gsd_m / anchor.metres_per_unit
     return patches_below(coverage, footprint, wish.looks, coarsest)[:MOST_PATCHES]
 
 
+def _improbable(found: DetectionMap | None, least: float, footprint: float) -> list[Patch]:
+    """Where the person would have been missed. Raises UsageError where nothing can be said."""
+    if found is None:
+        return []
+    if found.is_grey:
+        raise UsageError(
+            "The pictures have one band: how a person stands out in them is not known, and no patch is below."
+        )
+    if not found.is_seen.any():
+        raise UsageError(f"No picture can be measured, so nothing is known of a person: {' '.join(found.troubles)}")
+    return patches_in(found.grid, found.below(least), footprint)
+
+
 def _nothing(wish: MissionWish) -> str:
+    if wish.below is not None:
+        return f"inside the flown area that person would have been seen with {wish.below:.0%} everywhere"
     if wish.looks == 1 and wish.gsd_m is None:
         return "inside the flown area there is no gap"
     coarse = "" if wish.gsd_m is None else f" and none coarser than {wish.gsd_m:g} m a pixel"

@@ -54,6 +54,11 @@ def patches_below(coverage: Coverage, footprint: float, looks: int, coarsest: fl
     whole = flown_area(coverage, footprint)
     inner = cv2.erode(np.pad(whole, 1).astype(np.uint8), _disc(max(1, round(EDGE * footprint / grid.cell))))[1:-1, 1:-1]
     below = (whole & ~(coverage.finest <= coarsest)) | ((inner > 0) & (coverage.looks < looks))
+    return patches_in(grid, below, footprint)
+
+
+def patches_in(grid: Grid, below: Mask, footprint: float) -> list[Patch]:
+    """Connected cells of a mask (rows, columns), the largest first; `footprint`: canvas units."""
     count, labels, facts, _ = cv2.connectedComponentsWithStats(below.astype(np.uint8), connectivity=4)
     least = LEAST_PATCH * (footprint / grid.cell) ** 2
     found = [Patch(grid, labels == k) for k in range(1, count) if facts[k, cv2.CC_STAT_AREA] >= least]

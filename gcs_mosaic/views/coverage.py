@@ -78,7 +78,7 @@ def seen_on(grid: Grid, table: FrameTable, frames: Iterable[int], taken: Array |
     newest = np.full(looks.shape, np.nan)
     steepest, surest, sharpest = finest.copy(), finest.copy(), np.full_like(finest, np.nan)
     for index in frames:
-        found = _cells_of(grid, table.outlines[index])
+        found = cells_of(grid, table.outlines[index])
         if found is None:
             continue
         window, inside = found
@@ -182,7 +182,17 @@ def _grid_over(boxes: Array, footprint: float) -> Grid:
     return Grid(left, top, cell, int(np.ceil((right - left) / cell)), int(np.ceil((bottom - top) / cell)))
 
 
-def _cells_of(grid: Grid, outline: Array) -> tuple[tuple[slice, slice], Mask] | None:
+def nearest_cells(of: Grid, grid: Grid) -> tuple[Mask, tuple[NDArray[np.intp], ...]]:
+    """For each cell of a grid (rows, columns): whether its middle lies in another one, and the nearest cell there."""
+    columns = grid.left + (np.arange(grid.columns) + 0.5) * grid.cell
+    rows = grid.top + (np.arange(grid.rows) + 0.5) * grid.cell
+    across = np.floor((columns - of.left) / of.cell).astype(int)
+    down = np.floor((rows - of.top) / of.cell).astype(int)
+    known = ((down >= 0) & (down < of.rows))[:, None] & ((across >= 0) & (across < of.columns))
+    return np.asarray(known), np.ix_(down.clip(0, of.rows - 1), across.clip(0, of.columns - 1))
+
+
+def cells_of(grid: Grid, outline: Array) -> tuple[tuple[slice, slice], Mask] | None:
     """The cells whose middles lie within an outline (n, 2) on the canvas: a window of the grid, and which of it."""
     points = outline[np.isfinite(outline).all(axis=1)]
     if len(points) < 3:

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, pixel_size, tile_box
-from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, Mask
+from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR
 from gcs_mosaic.views.changes import FlightChanges
-from gcs_mosaic.views.coverage import Coverage, Grid, IslandCoverage, seen_on
+from gcs_mosaic.views.coverage import Coverage, Grid, IslandCoverage, nearest_cells, seen_on
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.ground_window import GroundWindow
 
@@ -138,9 +138,15 @@ class LayerLegend:
 
 def legend(layer: MapLayer) -> LayerLegend:
     """Title, words for both ends, and colours from the worst to the best, for whoever shows the tiles."""
-    colours = _coloured(layer, np.linspace(0, 1, STOPS)[None])[0]
-    stops = [f"#{red:02x}{green:02x}{blue:02x}" for blue, green, red in colours.tolist()]
-    return LayerLegend(name=layer.name, title=layer.title, worst=layer.worst, best=layer.best, colours=stops)
+    return LayerLegend(
+        name=layer.name, title=layer.title, worst=layer.worst, best=layer.best, colours=stops_of(layer.colours)
+    )
+
+
+def stops_of(table: int) -> list[str]:
+    """Colours of an OpenCV table from the worst to the best, as #rrggbb."""
+    colours = coloured(table, np.linspace(0, 1, STOPS)[None])[0]
+    return [f"#{red:02x}{green:02x}{blue:02x}" for blue, green, red in colours.tolist()]
 
 
 def legends(*, merged: bool) -> list[LayerLegend]:
@@ -161,9 +167,9 @@ class LayerTiles:
         known = self.changes.known(island)
         if known is None or known.window is None or known.strength is None:
             return None
-        greatest = _greatest(known.strength, known.window, _grid_of(tile))
+        greatest = _greatest(known.strength, known.window, grid_of(tile))
         share = np.asarray((greatest - LEAST_CHANGE) / (MOST_CHANGE - LEAST_CHANGE), np.float64)
-        return _as_png(_CHANGES, share, share > 0)
+        return tile_picture(_CHANGES.colours, np.where(share > 0, share, np.nan))
 
     def tile(self, layer: MapLayer, island: int, tile: Tile, at_least: int = 0) -> bytes | None:
         """A PNG with alpha, of a revision or later if the folder is there already; None where nothing was seen."""
@@ -174,7 +180,7 @@ class LayerTiles:
         whole = self.islands.of(island, at_least).coverage
         if whole is None:
             return None
-        grid = _grid_of(tile)
+        grid = grid_of(tile)
         is_coarse = len(near) > MOST_FRAMES or grid.cell > whole.grid.cell
         seen = _resampled(whole, grid) if is_coarse else seen_on(grid, table, near, self._view.taken(table))
         return _encoded(layer, seen, _usual_of(whole))
@@ -187,19 +193,15 @@ def _usual_of(whole: Coverage) -> Usual:
     return Usual(finest, float(times.max()) if len(times) else np.nan)
 
 
-def _grid_of(tile: Tile) -> Grid:
+def grid_of(tile: Tile) -> Grid:
+    """The cells of a tile."""
     left, top, *_ = tile_box(tile)
     return Grid(left, top, pixel_size(tile.z) * TILE_SIZE / CELLS, CELLS, CELLS)
 
 
 def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     """The nearest cell of the island's grid for each of another grid."""
-    columns = grid.left + (np.arange(grid.columns) + 0.5) * grid.cell
-    rows = grid.top + (np.arange(grid.rows) + 0.5) * grid.cell
-    across = np.floor((columns - whole.grid.left) / whole.grid.cell).astype(int)
-    down = np.floor((rows - whole.grid.top) / whole.grid.cell).astype(int)
-    known = ((down >= 0) & (down < whole.grid.rows))[:, None] & ((across >= 0) & (across < whole.grid.columns))
-    at = np.ix_(down.clip(0, whole.grid.rows - 1), across.clip(0, whole.grid.columns - 1))
+    known, at = nearest_cells(whole.grid, grid)
     looks = np.where(known, whole.looks[at], 0).astype(np.uint16)
     return Coverage(
         grid,
@@ -228,23 +230,27 @@ def _greatest(strength: FloatImage, window: GroundWindow, grid: Grid) -> FloatIm
 
 
 def _encoded(layer: MapLayer, seen: Coverage, usual: Usual) -> bytes | None:
-    share = layer.share(seen, usual)
-    return _as_png(layer, share, (seen.looks > 0) & np.isfinite(share))
+    shown = seen.looks > 0
+    return tile_picture(layer.colours, np.where(shown, layer.share(seen, usual), np.nan))
 
 
-def _as_png(layer: MapLayer, share: Array, shown: Mask) -> bytes | None:
+def tile_picture(table: int, share: Array) -> bytes | None:
+    """A tile as a PNG of cells (CELLS, CELLS), 0 (worst) to 1 (best) in the colours of an OpenCV table; NaN is transparent.
+    None if all are."""
+    shown = np.isfinite(share)
     if not shown.any():
         return None
-    colours = _coloured(layer, np.where(shown, share, 0.0))
+    colours = coloured(table, np.where(shown, share, 0.0))
     bgra = np.dstack([colours, np.where(shown, 255, 0).astype(np.uint8)])
     large = cv2.resize(bgra, (TILE_SIZE, TILE_SIZE), interpolation=cv2.INTER_NEAREST)
     done, data = cv2.imencode(".png", large, [cv2.IMWRITE_PNG_COMPRESSION, 4])
     return data.tobytes() if done else None
 
 
-def _coloured(layer: MapLayer, share: Array) -> ImageBGR:
+def coloured(table: int, share: Array) -> ImageBGR:
+    """Shares (h, w) in the colours of an OpenCV table."""
     levels = np.rint(np.clip(share, 0, 1) * 255).astype(np.uint8)
-    return np.asarray(cv2.applyColorMap(levels, layer.colours), np.uint8)
+    return np.asarray(cv2.applyColorMap(levels, table), np.uint8)
 
 
 def is_possible(tile: Tile, finest: int) -> bool:

@@ -67,6 +67,18 @@ class Page:
         """Go to `url` and wait until the document is there."""
         self._page.goto(url)
 
+    def another(self) -> Page:
+        """Another tab of the same browser."""
+        return Page(self._page.context.new_page())
+
+    def close(self) -> None:
+        """Close the tab as somebody does."""
+        self._page.close(run_before_unload=True)
+
+    def key(self, name: str) -> None:
+        """Press and release a key."""
+        self._page.keyboard.press(name)
+
     def resize(self, width: int, height: int, *, touch: bool = False) -> None:
         self.command(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=touch

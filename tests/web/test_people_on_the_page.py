@@ -40,7 +40,7 @@ FLY, SEARCH, REPORT = (
     ["reviews", "hints", "measure"],
     ["finds", "anchors", "elsewhere"],
 )
-PANELS = [*FLY, *SEARCH, *REPORT, "look"]
+PANELS = [*FLY, *SEARCH, *REPORT, "look", "detection"]
 UNFOLD = "document.querySelectorAll('#elsewhere details').forEach((one) => { one.open = true; })"
 
 
@@ -154,7 +154,7 @@ def test_lengths_a_scale_and_a_person_s_size(page: Page, url: str) -> None:
 
 @pytest.mark.long
 def test_what_was_looked_at_closely_is_reviewed_and_the_rest_shaded(page: Page, url: str) -> None:
-    """By somebody: a page that stands there and is not touched reviews nothing."""
+    """By somebody: a page that stands there and is not touched reviews nothing, nor does who reads a panel."""
     someone = Person(page, url)
     someone.press("open-reviews")
     someone.press("reviews-show")
@@ -164,6 +164,12 @@ def test_what_was_looked_at_closely_is_reviewed_and_the_rest_shaded(page: Page, 
     time.sleep(5.0)  # two reports
     assert someone.text("reviews-told") == "0 % of the ground of this part was reviewed."
     page.command("Input.dispatchMouseEvent", type="mouseMoved", x=400, y=300)
+    time.sleep(4.0)
+    assert someone.text("reviews-told") == "0 % of the ground of this part was reviewed."
+    someone.press("side-close")
+    page.command("Input.dispatchMouseEvent", type="mouseMoved", x=402, y=300)
+    page.wait_for("/^[1-9]/.test(document.getElementById('reviews-told').textContent)")
+    someone.press("open-reviews")
     page.wait_for("/^[1-9][0-9]? % of the ground of this part/.test(document.getElementById('reviews-told').innerText)")
     reviewers = Writer(url).get("/reviews?island=0&left=0&top=0&right=9&bottom=9&level=0")["reviewers"]
     assert [one["who"] for one in reviewers] == ["operator"]

@@ -16,6 +16,7 @@ from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import area_words, legends
 from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.api.detection import GREY, NO_SCALE
 from gcs_mosaic.web.app import VIEWER
 from gcs_mosaic.web.server import WebServer
 from tests.app.status.test_conditions import FLYING, NEWS
@@ -82,6 +83,7 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
     scripts = "".join(path.read_text("utf-8") for path in SCRIPTS)
     served = [
         *sentences_of_the_server(),
+        *(NO_SCALE, GREY),
         *(word for one in legends(merged=True) for word in (one.title, one.worst, one.best)),
     ]
     used = {*words.found, *served, *(word for script in SCRIPTS for word in said_by(script))}

@@ -1,8 +1,9 @@
 """Which ground was looked at, at which zoom, for how long, by whom, and when: in cells of a fixed grid.
 
 Cells are those of the canvas when it was looked at, and are not carried along when islands join: ground that may not have been
-looked at counts as not reviewed. Looks of some seconds are held in memory and written together, so that people who look about do
-not keep the disk busy: a kill loses the last `FLUSH_S` of them.
+looked at counts as not reviewed. So does a cell over which a frame was painted since: it may show something else, and nobody can
+tell without looking. Looks of some seconds are held in memory and written together, so that people who look about do not keep the
+disk busy: a kill loses the last `FLUSH_S` of them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ import numpy as np
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
-from gcs_mosaic.stitch.arrays import Coverage
 from gcs_mosaic.views.flight_view import FrameTable
 
 CELL_LEVEL = 17  # a cell is a tile of this level: 128 canvas units, an eighth of a small frame
@@ -29,6 +29,7 @@ MOST_ROWS = 400_000  # 20 MB
 MOST_REVIEWERS = 100
 LONGEST_LOOK_S = 10.0  # of one report
 FLUSH_S = 10.0
+ALWAYS = 1 << 62  # a number above all frames'
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,7 @@ class ReviewedView:
     level: int
     seconds: float
     who: str
+    newest: int | None = None  # number of the newest frame on the map then
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +64,7 @@ class Reviews:
 
     def __init__(self, book: NotesBook) -> None:
         self._book = book
-        self._pending: dict[Key, tuple[float, float]] = {}  # seconds, utc
+        self._pending: dict[Key, tuple[float, float, int | None]] = {}  # seconds, utc, newest frame
         self._written = time.monotonic()
 
     def report(self, look: ReviewedView) -> int:
@@ -79,7 +81,8 @@ class Reviews:
         now = time.time()
         for x, y in cells:
             key = (look.island, x, y, look.who, look.level)
-            self._pending[key] = (self._pending.get(key, (0.0, 0.0))[0] + look.seconds, now)
+            before = self._pending.get(key)
+            self._pending[key] = ((before[0] if before else 0.0) + look.seconds, now, look.newest)
         return len(cells)
 
     def flush_if_due(self) -> None:
@@ -97,20 +100,41 @@ class Reviews:
             for who in {key[3] for key in self._pending}:
                 file.write("INSERT OR IGNORE INTO reviewers (name) VALUES (?)", who)
                 numbers[who] = file.rows("SELECT id FROM reviewers WHERE name = ?", who)[0]["id"]
-            for (island, x, y, who, level), (seconds, utc) in self._pending.items():
+            for (island, x, y, who, level), (seconds, utc, newest) in self._pending.items():
                 file.write(
-                    "INSERT INTO reviewed VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (island, x, y, reviewer, level) "
-                    "DO UPDATE SET seconds = seconds + excluded.seconds, utc = excluded.utc",
-                    *(island, x, y, numbers[who], level, seconds, utc),
+                    "INSERT INTO reviewed (island, x, y, reviewer, level, seconds, utc, newest) VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
+                    "ON CONFLICT (island, x, y, reviewer, level) "
+                    "DO UPDATE SET seconds = seconds + excluded.seconds, utc = excluded.utc, newest = excluded.newest",
+                    *(island, x, y, numbers[who], level, seconds, utc, newest),
                 )
         self._pending.clear()
 
     def reviewed(self, question: Question) -> set[tuple[int, int]]:
-        """The cells (x, y) within the box that were reviewed as is asked."""
+        """The cells (x, y) within the box that were reviewed as is asked, whatever was painted since."""
+        return set(self.reviewed_until(question))
+
+    def reviewed_until(self, question: Question) -> dict[tuple[int, int], int]:
+        """The same, each with the number of the newest frame that was on the map when it was looked at last; `ALWAYS` where that
+        was not noted."""
         sums: dict[tuple[int, int], float] = {}
-        for x, y, seconds in self._looks(question):
+        newest: dict[tuple[int, int], int] = {}
+        for x, y, seconds, frame in self._looks(question):
             sums[x, y] = sums.get((x, y), 0.0) + seconds
-        return {cell for cell, seconds in sums.items() if seconds >= question.seconds}
+            newest[x, y] = max(newest.get((x, y), 0), ALWAYS if frame is None else frame)
+        return {cell: newest[cell] for cell, seconds in sums.items() if seconds >= question.seconds}
+
+    def last_of(self, who: str, island: int) -> tuple[int, int] | None:
+        """The cell of an island that somebody looked at last."""
+        found = [
+            (utc, x, y) for (at, x, y, name, _), (_, utc, _) in self._pending.items() if (at, name) == (island, who)
+        ]
+        for row in self._book.rows(
+            "SELECT utc, x, y FROM reviewed JOIN reviewers ON id = reviewer WHERE island = ? AND name = ? "
+            "ORDER BY utc DESC, y DESC, x DESC LIMIT 1",
+            *(island, who),
+        ):
+            found.append((row["utc"], row["x"], row["y"]))
+        return max(found)[1:] if found else None
 
     def reviewers(self) -> Mapping[str, float]:
         """Who has reviewed, and when last (seconds since 1970)."""
@@ -118,24 +142,25 @@ class Reviews:
             "SELECT name, max(utc) AS utc FROM reviewed JOIN reviewers ON id = reviewer GROUP BY reviewer"
         )
         found: dict[str, float] = {row["name"]: row["utc"] for row in rows}
-        for (_, _, _, who, _), (_, utc) in self._pending.items():
+        for (_, _, _, who, _), (_, utc, _) in self._pending.items():
             found[who] = max(found.get(who, 0.0), utc)
         return found
 
-    def _looks(self, question: Question) -> Iterator[tuple[int, int, float]]:
+    def _looks(self, question: Question) -> Iterator[tuple[int, int, float, int | None]]:
         columns, lines = spans(question.box)
         where = "island = ? AND x BETWEEN ? AND ? AND y BETWEEN ? AND ? AND level >= ? AND utc >= ?"
         bounds = (question.island, columns[0], columns[-1], lines[0], lines[-1], question.level, question.since_utc)
         for row in self._book.rows(
-            f"SELECT x, y, seconds FROM reviewed JOIN reviewers ON id = reviewer WHERE {where} AND (? IS NULL OR name = ?)",
+            "SELECT x, y, seconds, newest FROM reviewed JOIN reviewers ON id = reviewer "
+            f"WHERE {where} AND (? IS NULL OR name = ?)",
             *bounds,
             *(question.who, question.who),
         ):
-            yield row["x"], row["y"], row["seconds"]
-        for (island, x, y, who, level), (seconds, utc) in self._pending.items():
+            yield row["x"], row["y"], row["seconds"], row["newest"]
+        for (island, x, y, who, level), (seconds, utc, newest) in self._pending.items():
             is_asked = question.who in (None, who) and level >= question.level and utc >= question.since_utc
             if is_asked and island == question.island and x in columns and y in lines:
-                yield x, y, seconds
+                yield x, y, seconds, newest
 
     def _rows(self) -> int:
         found = self._book.rows("SELECT count(*) AS n FROM reviewed")
@@ -159,14 +184,16 @@ def cells_within(box: Box) -> list[tuple[int, int]]:
     return [(x, y) for y in lines for x in columns]
 
 
-def seen_cells(table: FrameTable, island: int, box: Box) -> set[tuple[int, int]]:
-    """The cells within a canvas box that some painted frame covers or touches. Raises Unfit for too large a box."""
+def seen_cells(table: FrameTable, island: int, box: Box) -> dict[tuple[int, int], int]:
+    """The cells within a canvas box that some painted frame covers or touches, each with the number of the newest that does.
+    Raises Unfit for too large a box."""
     columns, lines = spans(box)
     if len(columns) * len(lines) > MOST_ASKED:
         raise Unfit(f"The box has more than {MOST_ASKED} cells: ask for a smaller one.")
-    seen: Coverage = np.zeros((len(lines), len(columns)), np.uint8)
-    for index in table.near(island, box):
+    newest = np.full((len(lines), len(columns)), -1, np.int32)
+    for index in sorted(table.near(island, box), key=lambda one: table.frames[one].number):
         outline = (table.outlines[index] + HALF_SPAN) / CELL - 0.5 - (columns[0], lines[0])
         if np.isfinite(outline).all():
-            cv2.fillPoly(seen, [np.rint(outline * 256).clip(-(1 << 30), 1 << 30).astype(np.int32)], 1, shift=8)
-    return {(columns[int(x)], lines[int(y)]) for y, x in np.argwhere(seen)}
+            corners = np.rint(outline * 256).clip(-(1 << 30), 1 << 30).astype(np.int32)
+            cv2.fillPoly(newest, [corners], table.frames[index].number, shift=8)
+    return {(columns[int(x)], lines[int(y)]): int(newest[y, x]) for y, x in np.argwhere(newest >= 0)}

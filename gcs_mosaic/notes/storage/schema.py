@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from gcs_mosaic.store.schema import FileSchema
 
-VERSION = 3  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 4  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736E  # PRAGMA application_id, "gcsn"
 
 PLACE = """
@@ -44,6 +44,22 @@ CREATE TABLE picked_colours (
     who TEXT NOT NULL, utc NOT NULL
 );
 """
+LOOKING = """
+CREATE TABLE leases ( -- patches that somebody is looking at
+    session TEXT PRIMARY KEY, -- an open page
+    who TEXT NOT NULL,
+    island INTEGER NOT NULL,
+    x INTEGER NOT NULL, y INTEGER NOT NULL, columns INTEGER NOT NULL, lines INTEGER NOT NULL -- cells, as of `reviewed`
+) WITHOUT ROWID;
+CREATE TABLE opinions ( -- of others on a find
+    find INTEGER NOT NULL REFERENCES finds (id),
+    who TEXT NOT NULL,
+    opinion TEXT NOT NULL CHECK (opinion IN ('yes', 'no', 'unsure')),
+    utc NOT NULL,
+    PRIMARY KEY (find, who)
+) WITHOUT ROWID;
+"""
+LOOKING_BEFORE = f"ALTER TABLE reviewed ADD COLUMN newest INTEGER;{LOOKING}"
 TABLES = f"""
 CREATE TABLE book (
     id INTEGER PRIMARY KEY CHECK (id = 1),
@@ -81,11 +97,12 @@ CREATE TABLE reviewed (
     level INTEGER NOT NULL, -- of zoom
     seconds NOT NULL,
     utc NOT NULL, -- last
+    newest INTEGER, -- number of the newest frame on the map then; NULL: looked at before that was noted
     PRIMARY KEY (island, x, y, reviewer, level)
 ) WITHOUT ROWID;
 CREATE TABLE dismissed (hint TEXT PRIMARY KEY, who TEXT NOT NULL, utc NOT NULL) WITHOUT ROWID;
-{ANCHORING}{HINTS}"""
-MIGRATIONS: Mapping[int, str] = {1: ANCHORING, 2: HINTS}
+{ANCHORING}{HINTS}{LOOKING}"""
+MIGRATIONS: Mapping[int, str] = {1: ANCHORING, 2: HINTS, 3: LOOKING_BEFORE}
 
 # One file without a log beside it can also be read in a folder that cannot be written. EXTRA: as FULL, and the journal's
 # removal is synced too, so that a power cut takes back nothing that was answered with success.

@@ -9,6 +9,7 @@ from typing import Annotated
 
 from aiohttp import web
 
+from gcs_mosaic.detection.persons import Clothes, Person, Posture
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of
@@ -19,6 +20,7 @@ from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, answer, in_thread, missing
+from gcs_mosaic.web.api.detection import MEASURING
 from gcs_mosaic.web.api.finds import COT, ONE
 from gcs_mosaic.web.api.layers import TILES
 from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
@@ -48,6 +50,13 @@ class MissionQuery:
         Limits(least=1, most=10_000),
         "over ground as it was flown, in metres, where the pictures do not tell",
     ] = None
+    below: Annotated[
+        float | None,
+        Limits(least=0.01, most=0.99),
+        "instead: where the person would have been seen with a lower probability",
+    ] = None
+    posture: Posture = "lying"
+    clothes: Clothes = "blue"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,9 +210,17 @@ def _file(request: web.Request, asked: MissionQuery, pinned: Pinned, kind: str) 
 
     view, tiles = request.app[VIEW], request.app[TILES]
     islands = [one["id"] for one in told_islands(view.root) if one.get("merged_into") is None]
-    wish = MissionWish(island=asked.island, looks=asked.looks, gsd_m=asked.gsd, height_m=asked.height)
+    wish = MissionWish(
+        island=asked.island,
+        looks=asked.looks,
+        gsd_m=asked.gsd,
+        height_m=asked.height,
+        below=asked.below,
+        person=Person(posture=asked.posture, clothes=asked.clothes),
+    )
     anchors = _anchors(request.app[NOTES].islands(*pinned))
-    return MISSION_FILES[kind](planned(view, anchors, islands, tiles.islands.of, wish))
+    known = request.app[MEASURING].detections.known
+    return MISSION_FILES[kind](planned(view, anchors, islands, tiles.islands.of, wish, known))
 
 
 def _anchors(laid: Mapping[int, IslandAnchor]) -> dict[int, Anchor]:

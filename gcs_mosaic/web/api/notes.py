@@ -22,6 +22,8 @@ from gcs_mosaic.notes.finds.finds import Finds
 from gcs_mosaic.notes.ground.binding import Binding, GroundFollower
 from gcs_mosaic.notes.search.dismissed_hints import DismissedHints
 from gcs_mosaic.notes.search.hint_wishes import HintWishes
+from gcs_mosaic.notes.search.looking import Looking
+from gcs_mosaic.notes.search.opinions import Opinions
 from gcs_mosaic.notes.search.reviews import Reviews
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import FURTHEST, Unfit
@@ -66,6 +68,7 @@ class Notes:
         self.book = NotesBook(view.root)
         self.finds, self.scales = Finds(self.book), Scales(self.book)
         self.reviews, self.dismissed = Reviews(self.book), DismissedHints(self.book)
+        self.looking, self.opinions = Looking(self.book, self.reviews), Opinions(self.book)
         self.hint_wishes = HintWishes(self.book)
         self.pins, self._anchoring = Pins(self.book), Anchoring(view, self.follower)
         self._feed = feed

@@ -93,15 +93,21 @@ class ReviewedAnswer:
 async def report(request: web.Request) -> web.StreamResponse:
     """Report what was on the screen."""
     asked, notes = await asked_body(request, LookBody), request.app[NOTES]
+    table = await in_thread(request, request.app[VIEW].table)
     look = ReviewedView(
-        island=asked.island, box=_box(asked.box), level=asked.level, seconds=asked.seconds, who=asked.who
+        island=asked.island,
+        box=_box(asked.box),
+        level=asked.level,
+        seconds=asked.seconds,
+        who=asked.who,
+        newest=max((one.number for one in table.frames), default=0),
     )
     return answer(CellsAnswer(cells=await notes.run(notes.reviews.report, look)), 202)
 
 
 @OPERATIONS.add("GET", PATH, Reply("The cells.", ReviewedAnswer, tagged=True), query=ReviewedQuery, failures=NO_NOTES)
 async def covered(request: web.Request) -> web.StreamResponse:
-    """The cells of painted ground within a box, parted by whether they were reviewed as asked."""
+    """The cells of painted ground within a box, parted by whether they were reviewed as asked since a frame was painted there."""
     notes, asked = request.app[NOTES], asked_query(request, ReviewedQuery)
     question = Question(
         island=asked.island,
@@ -113,12 +119,15 @@ async def covered(request: web.Request) -> web.StreamResponse:
     )
     table = await in_thread(request, request.app[VIEW].table)
     seen = await in_thread(request, seen_cells, table, question.island, question.box)
-    reviewed, reviewers = await notes.run(lambda: (notes.reviews.reviewed(question), dict(notes.reviews.reviewers())))
+    until, reviewers = await notes.run(
+        lambda: (notes.reviews.reviewed_until(question), dict(notes.reviews.reviewers()))
+    )
+    reviewed = {cell for cell, newest in seen.items() if until.get(cell, -1) >= newest}
     told = ReviewedAnswer(
         map_revision=table.revision,
         cell=ReviewCell(units=CELL, level=CELL_LEVEL),
-        reviewed=sorted(seen & reviewed),
-        missing=sorted(seen - reviewed),
+        reviewed=sorted(reviewed),
+        missing=sorted(set(seen) - reviewed),
         reviewers=[Reviewer(who=who, utc=utc) for who, utc in sorted(reviewers.items())],
     )
     return told_anew(request, told)

@@ -12,6 +12,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web import documents, live, tiles
 from gcs_mosaic.web.api import (
     anchors,
+    detection,
     finds,
     flight,
     frames,
@@ -19,6 +20,7 @@ from gcs_mosaic.web.api import (
     hints,
     hints_dismissed,
     layers,
+    looking,
     looks,
     maps,
     movers,
@@ -35,9 +37,11 @@ ROOMS = (
     frames,
     looks,
     layers,
+    detection,
     finds,
     scale,
     reviews,
+    looking,
     hints,
     hints_dismissed,
     movers,
@@ -59,6 +63,7 @@ def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings
     add_notes(app, app[VIEW], feed)
     hints.add_hints(app, settings)
     layers.keep_tiles(app)
+    detection.add_detection(app)
     frames.keep_pieces(app)
     movers.keep_search(app)
     for room in ROOMS:

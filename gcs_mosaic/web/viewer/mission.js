@@ -1,5 +1,5 @@
 // @ts-check
-// Fly the gaps: what no frame has seen as a mission for a ground station.
+// Fly the gaps: what no frame has seen, or where a person may have been missed, as a mission for a ground station.
 
 import { byId, element } from "/viewer/dom.js";
 import { t } from "/viewer/words.js";
@@ -7,7 +7,9 @@ import { t } from "/viewer/words.js";
 const TIMEOUT_MS = 60000; // gaps of a long flight on a busy machine
 
 export class Mission {
-  constructor() {
+  /** `sought()`: the person of the panel of probabilities, { posture, clothes }. */
+  constructor(sought) {
+    this.sought = sought;
     this.form = byId("mission-form");
     this.said = byId("mission-said");
     this.form.addEventListener("submit", (event) => {
@@ -18,9 +20,12 @@ export class Mission {
   }
 
   async save() {
-    const { format, looks, height } = this.form.elements;
+    const { format, looks, below, height } = this.form.elements;
     const asked = new URLSearchParams({ looks: looks.value });
     if (height.value.trim()) asked.set("height", height.value.trim().replace(",", "."));
+    if (below.value.trim()) {
+      for (const [name, value] of Object.entries({ ...this.sought(), below: String(Number(below.value) / 100) })) asked.set(name, value);
+    }
     this.said.textContent = t("Asking …");
     try {
       const response = await fetch(`/api/v1/mission.${format.value}?${asked}`, { signal: AbortSignal.timeout(TIMEOUT_MS) });

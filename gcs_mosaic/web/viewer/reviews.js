@@ -63,7 +63,8 @@ export class Reviews {
   async report() {
     const { layer, map } = this.map;
     const isAwake = Date.now() - this.lastInput < AWAKE_MS;
-    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && byId("originals").hidden;
+    const isFree = byId("originals").hidden && byId("looking").hidden && byId("side").hidden; // who reads a panel does not look
+    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && isFree;
     if (!layer || !isLooking || Date.now() - this.moved < STILL_MS || map.getZoom() < this.leastLevel() - 0.5) return;
     const level = Math.max(0, Math.min(30, Math.round(map.getZoom())));
     try {

@@ -5,6 +5,7 @@ import { Absent } from "/viewer/absent.js";
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Anchors } from "/viewer/anchors.js";
 import { byId } from "/viewer/dom.js";
+import { Detection } from "/viewer/detection.js";
 import { Elsewhere } from "/viewer/elsewhere.js";
 import { Finds } from "/viewer/finds.js";
 import { Fleet } from "/viewer/fleet.js";
@@ -16,11 +17,13 @@ import { forget, keep } from "/viewer/kept.js";
 import { listenForKeys } from "/viewer/keys.js";
 import { Lag, Live } from "/viewer/live.js";
 import { Look } from "/viewer/look.js";
+import { Looking } from "/viewer/looking.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Measure } from "/viewer/measure.js";
 import { Mission } from "/viewer/mission.js";
 import { Movers } from "/viewer/movers.js";
 import { Novelty } from "/viewer/novelty.js";
+import { Opinions } from "/viewer/opinions.js";
 import { Originals } from "/viewer/originals.js";
 import { makePanels, togglePanel } from "/viewer/panels.js";
 import { Placements } from "/viewer/placements.js";
@@ -52,9 +55,12 @@ const pointing = new Pointing(map, (island, x, y) => originals.ask(island, x, y)
 const finds = new Finds(map, pointing, (find) => originals.ask(find.island, find.x, find.y, find.frame?.number));
 const measure = new Measure(map, pointing);
 const anchors = new Anchors(map, pointing, placements);
-new Reviews(map);
+const reviews = new Reviews(map);
+new Looking(map, reviews, () => measure.metresPerUnit());
+const opinions = new Opinions();
 new Elsewhere();
-new Mission();
+const detection = new Detection(map, pointing);
+new Mission(() => detection.sought());
 const islands = new Islands(map);
 const fleet = new Fleet(map, placements, showFollowed);
 const flightPath = new FlightPath(map, placements, fleet);
@@ -70,7 +76,7 @@ const aircraft = new AircraftChoice(byId("aircraft"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
-const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath, new Thermal(map)]; // what follows the map
+const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath, new Thermal(map), detection]; // what follows the map
 
 /** Read mosaic.json and what is new of the frames; calls that come meanwhile lead to one more reading afterwards. */
 async function readMap() {
@@ -140,7 +146,7 @@ const live = new Live(
     askStatus();
   },
   () => {
-    for (const one of noted) one.read(); // somebody has added something
+    for (const one of [...noted, opinions]) one.read(); // somebody has added something
   },
 );
 

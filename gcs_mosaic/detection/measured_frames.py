@@ -1,0 +1,117 @@
+"""The pictures of a flight, measured one after the other for a person of one size; what was measured stays in memory."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_mosaic.detection.clutter import SIDE_PX, FilteredPicture, GroundStatistics, disagreement, filtered, statistics
+from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.stitch.arrays import Array, FloatImage
+from gcs_mosaic.store.records import PositionRecord
+from gcs_mosaic.views.flight_view import FlightView, pixels_of, places_of
+from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, displayed
+
+logger = logging.getLogger(__name__)
+
+REMEMBERED = 3  # filtered pictures, a few MB each, with which the next ones are compared
+MESH = 12  # columns and rows over which a picture is laid on another
+MOST_FRAMES = 20_000  # measured; 15 KB each
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredFrame:
+    """`differs`: from the look before it, on the grid of `ground`; None where there is none. `ground` is None, and `trouble`
+    a sentence, of a picture that could not be measured."""
+
+    ground: GroundStatistics | None
+    differs: Array | None
+    trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Remembered:
+    picture: FilteredPicture
+    painted: RenderItem
+    per_painted: float  # pixels of the original per pixel of the picture that was stitched
+
+
+class MeasuredFrames:
+    """Measures at its own pace; thread-safe. `side_units`: of the person, canvas units."""
+
+    def __init__(self, view: FlightView, side_units: float) -> None:
+        self._view, self._side = view, side_units
+        self._lock = threading.Lock()
+        self._known: dict[tuple[int, str | None], MeasuredFrame] = {}
+        self._remembered: OrderedDict[int, _Remembered] = OrderedDict()
+
+    @property
+    def count(self) -> int:
+        """Of the measured frames."""
+        return len(self._known)
+
+    def of(self, frame: PositionRecord) -> MeasuredFrame | None:
+        """None while it is not measured."""
+        return self._known.get((frame.number, frame.content_hash))
+
+    def waiting(self) -> list[PositionRecord]:
+        """The painted frames that are not measured, in the order in which they were taken."""
+        frames = [one for one in self._view.table().frames if self.of(one) is None]
+        return sorted(frames, key=lambda one: (one.island, one.order)) if len(self._known) < MOST_FRAMES else []
+
+    def step(self) -> bool:
+        """Measure a frame; False if there is none to be measured."""
+        with self._lock:
+            frame = next(iter(self.waiting()), None)
+            if frame is None:
+                return False
+            try:
+                found = self._measured(frame)
+            except NoPicture as reason:
+                found = MeasuredFrame(None, None, str(reason))
+            except Exception:  # one frame must not end the measuring of the others
+                logger.exception("frame %d cannot be measured", frame.number)
+                found = MeasuredFrame(None, None, "It could not be measured.")
+            self._known[frame.number, frame.content_hash] = found
+            return True
+
+    def _measured(self, frame: PositionRecord) -> MeasuredFrame:
+        """Raises NoPicture."""
+        record, painted = self._view.frame(frame.number), self._view.painted(frame.number)
+        if record is None or painted is None or not record.width:
+            raise NoPicture("It is not on the map any more.")
+        per_painted = record.width / painted.camera.width
+        side_px = self._side / np.exp(painted.pose.log_gsd) * per_painted
+        reduction = max(each for each in REDUCTIONS if each == 1 or side_px / each >= SIDE_PX)
+        picture = filtered(displayed(self._view, frame.number, reduction), side_px / reduction)
+        picture = FilteredPicture(picture.means, picture.local, picture.scale / reduction, picture.side)
+        ground = statistics(picture)
+        own = _Remembered(picture, painted, per_painted)
+        differs = self._differs(own, ground)
+        self._remembered[frame.number] = own
+        while len(self._remembered) > REMEMBERED:
+            self._remembered.popitem(last=False)
+        return MeasuredFrame(ground, differs)
+
+    def _differs(self, own: _Remembered, ground: GroundStatistics) -> Array | None:
+        """From what the last pictures show there, the newest first."""
+        step, found = round(ground.step_px * own.picture.scale), None
+        for other in reversed(self._remembered.values()):
+            if other.painted.island != own.painted.island:
+                continue
+            told = disagreement(own.picture, other.picture, _laid_on(own, other), step)
+            found = told if found is None else np.where(np.isfinite(found), found, told)
+        return found
+
+
+def _laid_on(one: _Remembered, other: _Remembered) -> FloatImage:
+    """For a coarse mesh over a picture the pixels (MESH, MESH, 2) of another's analysed one."""
+    camera = one.painted.camera
+    x, y = np.meshgrid(np.linspace(0, camera.width - 1, MESH), np.linspace(0, camera.height - 1, MESH))
+    places = places_of(one.painted, np.stack([x, y], axis=-1).reshape(-1, 2))
+    there = (pixels_of(other.painted, places) + 0.5) * other.per_painted * other.picture.scale - 0.5
+    return np.nan_to_num(there, nan=-1e6).clip(-1e6, 1e6).reshape(MESH, MESH, 2).astype(np.float32)

@@ -1,0 +1,189 @@
+"""Looking, shared out among those who have the page open: patches, and second opinions on finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from aiohttp import web
+
+from gcs_mosaic.notes.search.looking import LEAST_LOOK_S, LENT_S, MOST_SIDE, Patch, Place, open_of
+from gcs_mosaic.notes.search.opinions import FindOpinion, Opinion
+from gcs_mosaic.notes.search.reviews import LONGEST_LOOK_S, Question, ReviewedView, seen_cells
+from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Who
+from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
+from gcs_mosaic.store.documents import Limits
+from gcs_mosaic.views.flight_view import FlightView, FrameTable
+from gcs_mosaic.web.api.asked import asked_body
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
+from gcs_mosaic.web.api.finds import ONE
+from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
+from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
+
+PATH = f"{BASE}/looking"
+OPERATIONS = Operations()
+COARSER = 2  # levels than an island's finest at which a look counts: as the page asks for what was reviewed
+Session = Annotated[str, Limits(longest=40), "of an open page, at random"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatchWishBody:
+    """A page that wants a patch, and whether it has looked at the one that it has."""
+
+    session: Session
+    island: IslandNumber
+    columns: Annotated[int, Limits(least=1, most=MOST_SIDE), "cells that its screen holds at full sharpness"]
+    lines: Annotated[int, Limits(least=1, most=MOST_SIDE)]
+    level: Annotated[int, Limits(least=0, most=FINEST_LEVEL), "zoom at which the last patch was looked at"] = 0
+    seconds: Annotated[float, Limits(least=0, most=LONGEST_LOOK_S), "that somebody looked at it"] = 0.0
+    put_off: Annotated[bool, "look at the last patch later"] = False
+    who: Who
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionBody:
+    """A page that has a patch."""
+
+    session: Session
+    who: Annotated[str, Limits(longest=LONGEST_NAME), "not needed"] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LentPatch:
+    """Ground that somebody is looking at."""
+
+    who: Who
+    island: IslandNumber
+    box: Annotated[tuple[float, float, float, float], "left, top, right, bottom, on the island's canvas"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LookingAnswer:
+    """What to look at next."""
+
+    map_revision: MapRevision
+    patch: Annotated[LentPatch | None, "null: all was looked at, or others have the rest"]
+    counted: Annotated[bool, "whether the last patch counts as looked at: for a second at least, at full sharpness"]
+    cells: Annotated[int, "of the island that were seen"]
+    left: Annotated[int, "of them that are to be looked at"]
+    others: Annotated[Sequence[LentPatch], "what other pages have"]
+    lent_s: Annotated[float, "for how long, unless it is asked for again"] = LENT_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptAnswer:
+    """Whether the patch is still that page's."""
+
+    kept: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpinionBody:
+    """A second opinion on a find."""
+
+    opinion: Opinion
+    who: Who
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpinionsAnswer:
+    """What others say of finds."""
+
+    opinions: Sequence[FindOpinion]
+
+
+@OPERATIONS.add("GET", f"{BASE}/opinions", Reply("The opinions.", OpinionsAnswer, tagged=True), failures=NO_NOTES)
+async def opinions(request: web.Request) -> web.StreamResponse:
+    """What others than those who set them say of finds."""
+    notes = request.app[NOTES]
+    return told_anew(request, OpinionsAnswer(opinions=await notes.run(notes.opinions.all)))
+
+
+@OPERATIONS.add(
+    "POST",
+    f"{ONE}/opinions",
+    Reply("It is on the disk.", OpinionsAnswer),
+    body=OpinionBody,
+    failures=NO_NUMBER | NO_NOTES,
+)
+async def say(request: web.Request) -> web.StreamResponse:
+    """Give a second opinion on a find, by name; once more changes it."""
+    asked, notes = await asked_body(request, OpinionBody), request.app[NOTES]
+    await notes.run(notes.opinions.say, id_of(request), asked.who, asked.opinion)
+    return answer(OpinionsAnswer(opinions=await notes.run(notes.opinions.all)))
+
+
+@OPERATIONS.add("POST", PATH, Reply("The patch is lent.", LookingAnswer), body=PatchWishBody, failures=NO_NOTES)
+async def looking(request: web.Request) -> web.StreamResponse:
+    """Take in how long a page's patch was looked at, and lend it the next."""
+    asked, notes, view = await asked_body(request, PatchWishBody), request.app[NOTES], request.app[VIEW]
+    table, seen = await in_thread(request, _seen, view, asked.island)
+    return answer(await notes.run(_next, notes, asked, table, seen))
+
+
+@OPERATIONS.add("POST", f"{PATH}/keep", Reply("Told.", KeptAnswer), body=SessionBody, failures=NO_NOTES)
+async def keep(request: web.Request) -> web.StreamResponse:
+    """Keep the patch of a page for longer."""
+    asked, notes = await asked_body(request, SessionBody), request.app[NOTES]
+    return answer(KeptAnswer(kept=await notes.run(notes.looking.keep, asked.session)))
+
+
+@OPERATIONS.add("POST", f"{PATH}/leave", Reply("It is given back.", KeptAnswer), body=SessionBody, failures=NO_NOTES)
+async def leave(request: web.Request) -> web.StreamResponse:
+    """Give the patch of a page back."""
+    asked, notes = await asked_body(request, SessionBody), request.app[NOTES]
+    await notes.run(notes.looking.give_back, asked.session)
+    return answer(KeptAnswer(kept=False))
+
+
+def _seen(view: FlightView, island: int) -> tuple[FrameTable, dict[tuple[int, int], int]]:
+    """The cells of an island's frames. Raises Unfit for too large an island."""
+    table = view.table()
+    return table, seen_cells(table, island, box) if (box := _box(table, island)) else {}
+
+
+def _box(table: FrameTable, island: int) -> Box | None:
+    """Around an island's frames but for the farthest of such as see the horizon."""
+    boxes = [
+        box for box, of in zip(table.boxes.tolist(), table.islands, strict=True) if of == island and box[0] == box[0]
+    ]
+    if not boxes:
+        return None
+    left, top, right, bottom = zip(*boxes, strict=True)
+    return min(left), min(top), max(right), max(bottom)
+
+
+def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, seen: dict[tuple[int, int], int]) -> LookingAnswer:
+    finest = max((one.level for one in table.frames if one.island == asked.island), default=FINEST_LEVEL)
+    least = max(0, finest - COARSER)
+    before = notes.looking.looked(asked.session)
+    counted = before is not None and not asked.put_off and asked.seconds >= LEAST_LOOK_S and asked.level >= least
+    if before is not None and counted:
+        newest = max((one.number for one in table.frames), default=0)
+        look = ReviewedView(before.island, before.box, asked.level, asked.seconds, asked.who, newest)
+        notes.reviews.report(look)
+    whole = _box(table, asked.island) or (0.0, 0.0, 1.0, 1.0)
+    open_cells = open_of(seen, notes.reviews.reviewed_until(Question(island=asked.island, box=whole, level=least)))
+    place = Place(
+        session=asked.session,
+        who=asked.who,
+        island=asked.island,
+        columns=asked.columns,
+        lines=asked.lines,
+        put_off=asked.put_off,
+    )
+    patch = notes.looking.next(place, open_cells)
+    others = [one for one in notes.looking.lent() if one.session != asked.session and one.island == asked.island]
+    return LookingAnswer(
+        map_revision=table.revision,
+        patch=None if patch is None else _told(patch),
+        counted=counted,
+        cells=len(seen),
+        left=len(open_cells),
+        others=[_told(one) for one in others],
+    )
+
+
+def _told(patch: Patch) -> LentPatch:
+    return LentPatch(who=patch.who, island=patch.island, box=patch.box)

@@ -1,0 +1,157 @@
+"""Looking, shared out: two tabs of a real Chromium, and what becomes of a patch when one is closed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.notes.search import looking as module
+from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.views import flight_view
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.server import WebServer
+from tests.factories import frame
+from tests.web.browser import CHROMIUM, Page
+from tests.web.seen_flight import CAMERA, seen_flight
+from tests.web.small_flight import SmallFlight
+from tests.web.test_notes_api import Writer
+
+pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
+TOLD = "document.getElementById('looking-told').textContent"
+BEGIN = "document.getElementById('looking-begin').click()"
+
+
+@pytest.fixture
+def flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SmallFlight:
+    for name in ("LEAST_REST_S", "MOST_REST_S"):
+        monkeypatch.setattr(flight_view, name, 0.0)
+    return seen_flight(tmp_path)
+
+
+@pytest.fixture
+def url(flight: SmallFlight, page: Page) -> Iterator[str]:
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0))
+    yield server.start()
+    page.open("about:blank")
+    server.stop()
+
+
+class Helper:
+    """Somebody who looks at patches on a page."""
+
+    def __init__(self, page: Page, url: str) -> None:
+        self.page, self.answers = page, 0
+        page.resize(500, 500)
+        page.open(url)
+        page.wait_for("document.querySelectorAll('.leaflet-tile-loaded img').length > 0")
+        page.evaluate(BEGIN)
+        page.wait_for(f"{TOLD} !== ''")
+
+    def move(self, x: float = 200) -> None:
+        self.page.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=150)
+
+    def look(self, key: str = "ArrowRight") -> None:
+        self.move()
+        time.sleep(1.4)
+        self.move(201)
+        self.page.key(key)
+
+
+def share(page: Page) -> int:
+    return int(page.evaluate(f"Number(/(\\d+) %/.exec({TOLD})[1])"))
+
+
+def boxes(url: str) -> list[list[float]]:
+    found = Writer(url).send(
+        "POST", "/looking", {"session": "spy", "island": 0, "columns": 1, "lines": 1, "who": "spy"}
+    )[1]
+    Writer(url).send("POST", "/looking/leave", {"session": "spy"})
+    return [one["box"] for one in found["others"]]
+
+
+def apart(one: list[float], other: list[float]) -> bool:
+    return one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
+
+
+def test_two_tabs_have_no_patch_twice_and_a_closed_one_gives_its_back(page: Page, url: str) -> None:
+    first, tab = Helper(page, url), page.another()
+    second = Helper(tab, url)
+    for _ in range(2):
+        lent = boxes(url)
+        assert len(lent) == 2
+        assert apart(*lent)
+        first.look()
+        second.look("Enter")
+        page.wait_for(f"!{TOLD}.startsWith('0 %')")
+    before = share(page)
+    assert 0 < before < 100
+    tab.close()
+    end = time.monotonic() + 5
+    while len(now := boxes(url)) == 2:
+        assert time.monotonic() < end, "a closed tab keeps its patch"
+        time.sleep(0.1)
+    assert len(now) == 1
+    for _ in range(12):
+        if "All of this part" in page.evaluate(TOLD):
+            break
+        first.look()
+        time.sleep(0.3)
+    assert page.evaluate(TOLD).startswith("All of this part is looked at.")
+    assert share(page) == 100
+    assert page.complaints == []
+
+
+def test_who_does_not_look_is_not_counted(page: Page, url: str) -> None:
+    """Too soon, a panel open, nobody there."""
+    someone = Helper(page, url)
+    someone.move()
+    page.key("ArrowRight")
+    time.sleep(0.5)
+    assert share(page) == 0
+    page.evaluate("document.getElementById('phase-report').click()")
+    time.sleep(1.5)
+    page.evaluate("document.getElementById('side-close').click()")
+    page.key("ArrowRight")
+    page.wait_for(f"{TOLD}.startsWith('Too short')")
+    assert share(page) == 0
+    someone.look()
+    page.wait_for(f"!{TOLD}.includes(' 0 %') && !{TOLD}.startsWith('0 %')")
+    assert share(page) > 0
+
+
+def test_ground_that_was_painted_since_is_to_be_looked_at_again(page: Page, url: str, flight: SmallFlight) -> None:
+    """And after a start of the server who has looked goes on."""
+    someone = Helper(page, url)
+    someone.look()
+    page.wait_for(f"!{TOLD}.startsWith('0 %')")
+    counted = share(page)
+    with Ledger(flight.root / LEDGER_NAME) as ledger:
+        ledger.record_frame(frame("again.jpg", modified=1.7e9))
+        ledger.record_size("again.jpg", CAMERA.width, CAMERA.height, 0.2)
+        ledger.record_painted(
+            RenderItem(name="again.jpg", order=99, island=0, pose=Pose(0.0, 0.0), camera=CAMERA, level=16)
+        )
+    flight.write()
+    time.sleep(0.3)
+    page.evaluate("document.getElementById('looking-later').click()")
+    page.wait_for(f"Number(/(\\d+) %/.exec({TOLD})[1]) < {counted}")
+
+
+def test_leases_end_by_themselves(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "LENT_S", 4.0)
+    client = Writer(url)
+    asked = {"session": "a", "island": 0, "columns": 3, "lines": 3, "who": "a"}
+    first = client.send("POST", "/looking", asked)[1]["patch"]
+    other = client.send("POST", "/looking", asked | {"session": "b", "who": "b"})[1]
+    assert apart(first["box"], other["patch"]["box"])
+    assert [one["who"] for one in other["others"]] == ["a"]
+    assert client.send("POST", "/looking/keep", {"session": "a"})[1] == {"kept": True}
+    time.sleep(4.5)
+    assert client.send("POST", "/looking/keep", {"session": "a"})[1] == {"kept": False}
+    assert client.send("POST", "/looking", asked | {"session": "c", "who": "c"})[1]["patch"]["box"] == first["box"]
