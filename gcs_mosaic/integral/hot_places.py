@@ -1,27 +1,42 @@
 """What stands out in an integral: hints, never a filter.
 
-RX (Reed and Yu, IEEE Trans. ASSP 38(10), 1990; on integrals: Nathan, Kurmi and Bimber, Remote Sensing 15(18), 2023): the
-Mahalanobis distance of a pixel to the mean of the square around it, by the covariance of the whole picture. Noise falls with the
-number of looks, which differs from pixel to pixel, so the distance is taken relative to that. Of a single band, as of a thermal
-camera, only what is brighter than its surroundings counts: beneath a canopy people are warmer than what is around them.
+Of colours: RX (Reed and Yu, IEEE Trans. ASSP 38(10), 1990; on integrals: Nathan, Kurmi and Bimber, Remote Sensing 15(18), 2023),
+the Mahalanobis distance of a pixel of the mean to the square around it, by the covariance of the whole picture. Noise falls with
+the number of looks, which differs from pixel to pixel, so the distance is taken relative to that.
+
+Of a single band, as of a thermal camera, only what is brighter than its surroundings counts: beneath a canopy people are warmer
+than what is around them. There a mean is not the best that can be told: who is seen through a gap by three looks of twenty is
+plain in these, and next to nothing in the mean of all. So each look is asked how much likelier its pixel is if something warm
+lies there that it sees in a share of cases, against chance, and the logarithms are added (a contaminated normal: J. W. Tukey, "A
+survey of sampling from contaminated distributions", 1960). A warm crown is so in one or two looks, since it lies elsewhere in
+all others; what no look counts for more than is bounded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
 
-from gcs_mosaic.integral.forms import LEAST_LOOKS
-from gcs_mosaic.integral.stack import GroundWindow
+from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST
+from gcs_mosaic.integral.forms import LEAST_LOOKS, looks_of, mean
+from gcs_mosaic.integral.ground_lens import GroundLens
+from gcs_mosaic.integral.stack import GroundWindow, LookStack
 from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, Matrix
 
 # In pixels of the integral, which are those of the looks.
 CENTRE = 3  # smaller is noise
 SURROUND = 41  # a few times a person
 APART = 10  # two peaks nearer than that are one thing
+
+OPEN = 0.2  # share of looks that see what lies there: between 10 and 30 % it makes next to no difference
+WARMTHS = (3.0, 5.0, 7.0)  # deviations of what is warm, each as likely: from partly hidden to plain
+MOST_TOLD = 8.0  # deviations beyond which a look tells no more: one alone does not make a person
+LEAST_SCALE = 0.1  # grey levels: of a picture without any noise
+LEAST_DEPTH, MOST_DEPTH = 0.005, 0.03  # shares of the flying height between focuses that are searched
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +62,45 @@ def oddity(values: FloatImage, looks: Matrix) -> FloatImage:
     if whitened.shape[2] == 1:
         return np.where(known, np.maximum(whitened[..., 0], 0), 0).astype(np.float32)
     return np.where(known, np.sqrt((whitened * whitened).sum(axis=2)), 0).astype(np.float32)
+
+
+def warmth(stack: LookStack) -> FloatImage:
+    """How much likelier pixels (h, w) of looks of a single band are if something warm lies there, seen through gaps: as standard
+    deviations, the root of twice the logarithm of the likelihood ratio; 0 where fewer than LEAST_LOOKS looks see it."""
+    total, count = np.zeros(stack.values.shape[1:3], np.float32), looks_of(stack)
+    for look in stack.values:
+        known = np.isfinite(look[..., 0])
+        if not known.any():
+            continue
+        local = (_blurred(look, known, CENTRE) - _blurred(look, known, SURROUND))[..., 0]
+        scale = 1.4826 * float(np.median(np.abs(local[known])))
+        total += np.where(known, _likelihoods()(local / max(scale, LEAST_SCALE)), 0)
+    return np.where(count >= LEAST_LOOKS, np.sqrt(2 * np.maximum(total, 0)), 0).astype(np.float32)
+
+
+@cache
+def _likelihoods() -> Callable[[FloatImage], FloatImage]:
+    """Logarithm of the likelihood ratio of one look, by its deviations: from a table."""
+    at = np.arange(-MOST_TOLD, MOST_TOLD + 0.01, 0.05)
+    warm = np.mean([np.exp(one * at - one * one / 2) for one in WARMTHS], axis=0)
+    table = np.log(1 - OPEN + OPEN * warm)
+    return lambda deviations: np.asarray(np.interp(deviations, at, table), np.float32)
+
+
+def found_in(lens: GroundLens, height: float, opened: float, most: int) -> list[HotPlace]:
+    """What stands out most in a lens, in focuses about a height: one of each thing."""
+    depth = min(max(lens.aperture(height, opened).depth, LEAST_DEPTH), MOST_DEPTH)
+    found = list[HotPlace]()
+    for share in (height - depth, height, height + depth):
+        if LOWEST <= share <= HIGHEST:
+            stack = lens.stack(share, opened)
+            found += peaks(oddities(stack), lens.window, share, most)
+    return over_heights(found, APART * lens.window.cell)[:most]
+
+
+def oddities(stack: LookStack) -> FloatImage:
+    """How much pixels (h, w) of a stack stand out, in standard deviations: by warmth of a single band, else by RX."""
+    return warmth(stack) if stack.values.shape[3] == 1 else oddity(mean(stack), looks_of(stack))
 
 
 def peaks(odd: FloatImage, window: GroundWindow, height: float, most: int) -> list[HotPlace]:

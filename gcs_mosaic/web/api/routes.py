@@ -18,6 +18,7 @@ from gcs_mosaic.web.api import (
     handed_over,
     hints,
     hints_dismissed,
+    integral,
     layers,
     maps,
     reviews,
@@ -37,6 +38,7 @@ ROOMS = (
     reviews,
     hints,
     hints_dismissed,
+    integral,
     anchors,
     maps,
     handed_over,
@@ -54,6 +56,7 @@ def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings
     add_notes(app, app[VIEW], feed)
     hints.add_hints(app, settings)
     layers.keep_tiles(app)
+    integral.add_lenses(app)
     frames.keep_pieces(app)
     for room in ROOMS:
         add_operations(app, room.OPERATIONS)

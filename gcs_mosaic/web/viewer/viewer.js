@@ -27,6 +27,7 @@ import { Pointing } from "/viewer/pointing.js";
 import { Reviews } from "/viewer/reviews.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { makeSheet, showStrip } from "/viewer/strip.js";
+import { Trees } from "/viewer/trees.js";
 import { loadWords } from "/viewer/words.js";
 
 const STATUS_EVERY_MS = 1000;
@@ -59,6 +60,7 @@ const flightPath = new FlightPath(map, placements, fleet);
 const absent = new Absent(map);
 const novelty = new Novelty(map);
 new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
+new Trees(map, pointing, measure, (island, x, y) => originals.ask(island, x, y));
 originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
