@@ -4,7 +4,8 @@ Where something lies at a height, all looks that see it show the same there, and
 they show unrelated things, and the mean has what is left of unrelated things: the variance of one look over their number. The
 ratio of the two is the F of an analysis of variance, 1 where nothing is in focus. (Visibility over heights by grey level
 variance: I. Kurmi, D. C. Schedl, O. Bimber, IEEE Geoscience and Remote Sensing Letters 18(4), 2021.) Of the heights at which
-the looks agree the lowest is the ground, for nothing is to be seen below it; the others are crowns.
+the looks agree the lowest is the ground, for nothing is to be seen below it. It is known only if it is one height: crowns agree
+over many, and then the ground is somewhere at their lower end or below.
 """
 
 from __future__ import annotations
@@ -28,16 +29,21 @@ MOST_HEIGHTS = 61  # one for each 1.5 % of the flying height
 LEAST_AGREEMENT = 1.25
 # A peak is one if between it and each higher one the looks agree so much less: other ratios are ripples of the same peak.
 LEAST_DIP = 0.93
-# Beside the height of best agreement: rows of trees and of houses agree with their neighbours at other heights, too, by some per
-# cent of that (5 % in an orchard).
-LEAST_SHARE = 0.1
+# Beside the height of best agreement; beneath a layer that hides 80 % it is 2 %.
+LEAST_SHARE = 0.015
+# Heights over which what lies at one height is in focus, in those at which a point moves by a cell over the aperture: half of the
+# agreement was left at 5 to 8 of them over fields and gardens, and 20 over crowns of many heights.
+MOST_BREADTH = 11.0
+AGREES = 1.5  # where crowns begin: more than half as much again as by chance
+LEAST_BREADTH = 3.0  # samples: a peak and its neighbours
 LEAST_LOOKS = 3  # two always agree somewhere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Focus:
-    """`height`: share of the flying height above the map's ground; `known`: whether looks agree there more than by chance;
-    `agreement`: how much more, 1 by chance; `heights`, `curve`: all that were tried, and how much looks agree there."""
+    """`height`: share of the flying height above the map's ground; `known`: whether looks agree there, and not at
+    all heights about it as crowns do; `agreement`: how much more than by chance, 1; `heights`, `curve`: all that were tried, and
+    how much looks agree there."""
 
     height: float
     known: bool
@@ -49,17 +55,19 @@ class Focus:
 def ground_focus(
     looks: Sequence[GroundLook], window: GroundWindow, flying_height: float, aperture: SyntheticAperture
 ) -> Focus:
-    """Seek it about a window's middle; the map's ground where it cannot be told."""
+    """Seek it about a window's middle. Where it is not known: the lower end of what agrees, or the map's ground if nothing does."""
     coarse = GroundWindow(window.x, window.y, window.side, min(CELLS, window.cells))
     some = [_coarser(one, coarse.cell / window.cell) for one in looks[:: -(-len(looks) // MOST_LOOKS)]]
     heights = _heights(coarse, aperture)
     if len(some) < LEAST_LOOKS:
         return Focus(height=0.0, known=False, agreement=1.0, heights=heights, curve=np.ones(len(heights)))
     curve = np.array([agreement(laid_together(some, coarse, share * flying_height)) for share in heights])
-    least = max(LEAST_AGREEMENT, 1 + LEAST_SHARE * (float(curve.max()) - 1))
-    lowest = next((at for at in _peaks(curve) if curve[at] >= least), None)
+    broadest = MOST_BREADTH * coarse.cell / max(aperture.width, 1e-9) / (heights[1] - heights[0])
+    lowest = next(iter(_peaks(curve, broadest)), None)
     if lowest is None:
-        return Focus(height=0.0, known=False, agreement=float(curve.max()), heights=heights, curve=curve)
+        agreeing = np.flatnonzero(curve >= AGREES)
+        height = float(heights[agreeing[0]]) if agreeing.size else 0.0
+        return Focus(height=height, known=False, agreement=float(curve.max()), heights=heights, curve=curve)
     height = _between(heights, curve, lowest)
     return Focus(height=height, known=True, agreement=float(curve[lowest]), heights=heights, curve=curve)
 
@@ -110,14 +118,28 @@ def _heights(window: GroundWindow, aperture: SyntheticAperture) -> Array:
     return np.linspace(LOWEST, HIGHEST, int(np.clip(moved, 9, MOST_HEIGHTS)))
 
 
-def _peaks(curve: Array) -> list[int]:
-    """Those that stand out from what is between them and any higher one, the lowest height first."""
+def _peaks(curve: Array, broadest: float) -> list[int]:
+    """Those that stand out from what is between them and any higher one, the lowest first, if they are no chance and not broader
+    than so many samples; none if the height of best agreement is: then it is of crowns."""
+    best = int(curve.argmax())
+    least = max(LEAST_AGREEMENT, 1 + LEAST_SHARE * (float(curve[best]) - 1))
+    if _breadth(curve, best) > max(broadest, LEAST_BREADTH):
+        return []
     found = list[int]()
     for at, value in enumerate(curve):
         below, above = _least_to_higher(curve[:at][::-1], value), _least_to_higher(curve[at + 1 :], value)
-        if max(below, above) < LEAST_DIP * value:
+        stands_out = value >= least and max(below, above) < LEAST_DIP * value
+        if stands_out and _breadth(curve, at) <= max(broadest, LEAST_BREADTH):
             found.append(at)
     return found
+
+
+def _breadth(curve: Array, at: int) -> int:
+    """Samples about a peak where looks agree half as much beyond chance, or more."""
+    lower: Mask = curve < 1 + (curve[at] - 1) / 2
+    before, after = np.flatnonzero(lower[:at]), np.flatnonzero(lower[at:])
+    first = int(before[-1]) + 1 if before.size else 0
+    return (at + int(after[0]) if after.size else len(curve)) - first
 
 
 def _least_to_higher(curve: Array, value: float) -> float:

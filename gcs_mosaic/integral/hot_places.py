@@ -14,7 +14,8 @@ all others; what no look counts for more than is bounded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -32,7 +33,14 @@ CENTRE = 3  # smaller is noise
 SURROUND = 41  # a few times a person
 APART = 10  # two peaks nearer than that are one thing
 
-OPEN = 0.2  # share of looks that see what lies there: between 10 and 30 % it makes next to no difference
+NEAR = 13  # of warm things: what is around them, in pixels of which a person is some PERSON_PX long
+PERSON_M, PERSON_PX = 1.7, 8.0
+# How often the pixels are halved, where nobody knows how large a person is: 6 to 48 px. Each size more lets chance in, too; in a
+# simulated wood that costs some people of a hundred.
+UNKNOWN_REACH = 4  # focuses searched below and above a height that is a guess
+ANY_SIZE = (0, 1, 2)
+MOST_HALVINGS = 4
+OPEN = 0.1  # share of looks that see what lies there; between 5 and 20 % it makes next to no difference
 WARMTHS = (3.0, 5.0, 7.0)  # deviations of what is warm, each as likely: from partly hidden to plain
 MOST_TOLD = 8.0  # deviations beyond which a look tells no more: one alone does not make a person
 LEAST_SCALE = 0.1  # grey levels: of a picture without any noise
@@ -64,18 +72,37 @@ def oddity(values: FloatImage, looks: Matrix) -> FloatImage:
     return np.where(known, np.sqrt((whitened * whitened).sum(axis=2)), 0).astype(np.float32)
 
 
-def warmth(stack: LookStack) -> FloatImage:
+def person_size(cell_m: float | None) -> Sequence[int]:
+    """How often pixels are halved to find people, by how many metres one is wide; all that may be if that is not known."""
+    if cell_m is None:
+        return ANY_SIZE
+    return (int(np.clip(round(math.log2(PERSON_M / (PERSON_PX * cell_m))), 0, MOST_HALVINGS)),)
+
+
+def warmth(stack: LookStack, sizes: Sequence[int] = ANY_SIZE) -> FloatImage:
     """How much likelier pixels (h, w) of looks of a single band are if something warm lies there, seen through gaps: as standard
     deviations, the root of twice the logarithm of the likelihood ratio; 0 where fewer than LEAST_LOOKS looks see it."""
-    total, count = np.zeros(stack.values.shape[1:3], np.float32), looks_of(stack)
-    for look in stack.values:
-        known = np.isfinite(look[..., 0])
-        if not known.any():
-            continue
-        local = (_blurred(look, known, CENTRE) - _blurred(look, known, SURROUND))[..., 0]
-        scale = 1.4826 * float(np.median(np.abs(local[known])))
-        total += np.where(known, _likelihoods()(local / max(scale, LEAST_SCALE)), 0)
-    return np.where(count >= LEAST_LOOKS, np.sqrt(2 * np.maximum(total, 0)), 0).astype(np.float32)
+    values, (height, width) = stack.values[..., 0], stack.values.shape[1:3]
+    best = np.zeros((height, width), np.float32)
+    for side in (2**halvings for halvings in sizes):
+        small = max(width // side, 1), max(height // side, 1)
+        total = np.zeros(small[::-1], np.float32)
+        for look in values:
+            total += _told_by(look if side == 1 else cv2.resize(look, small, interpolation=cv2.INTER_AREA))
+        wide = total if side == 1 else cv2.resize(total, (width, height), interpolation=cv2.INTER_LINEAR)
+        np.maximum(best, wide, out=best)
+    known = looks_of(stack) >= LEAST_LOOKS
+    return np.where(known, np.sqrt(2 * np.maximum(best, 0)), 0).astype(np.float32)
+
+
+def _told_by(look: FloatImage) -> FloatImage:
+    """Logarithm of the likelihood ratio that a look (h, w) alone gives; 0 where it sees nothing."""
+    known = np.isfinite(look)
+    if not known.any():
+        return np.zeros(look.shape, np.float32)
+    local = _blurred(look[..., None], known, CENTRE)[..., 0] - _blurred(look[..., None], known, NEAR)[..., 0]
+    scale = 1.4826 * float(np.median(np.abs(local[known])))
+    return np.where(known, _likelihoods()(local / max(scale, LEAST_SCALE)), 0).astype(np.float32)
 
 
 @cache
@@ -87,20 +114,23 @@ def _likelihoods() -> Callable[[FloatImage], FloatImage]:
     return lambda deviations: np.asarray(np.interp(deviations, at, table), np.float32)
 
 
-def found_in(lens: GroundLens, height: float, opened: float, most: int) -> list[HotPlace]:
-    """What stands out most in a lens, in focuses about a height: one of each thing."""
+def found_in(
+    lens: GroundLens, height: float, opened: float, most: int, unit_m: float | None = None, reach: int = 1
+) -> list[HotPlace]:
+    """What stands out most in a lens, in a height and `reach` focuses below and above it: one of each thing. `unit_m`: metres of a
+    canvas unit, if that is known."""
     depth = min(max(lens.aperture(height, opened).depth, LEAST_DEPTH), MOST_DEPTH)
+    sizes = person_size(None if unit_m is None else unit_m * lens.window.cell)
     found = list[HotPlace]()
-    for share in (height - depth, height, height + depth):
+    for share in (height + step * depth for step in range(-reach, reach + 1)):
         if LOWEST <= share <= HIGHEST:
-            stack = lens.stack(share, opened)
-            found += peaks(oddities(stack), lens.window, share, most)
+            found += peaks(oddities(lens.stack(share, opened), sizes), lens.window, share, most)
     return over_heights(found, APART * lens.window.cell)[:most]
 
 
-def oddities(stack: LookStack) -> FloatImage:
+def oddities(stack: LookStack, sizes: Sequence[int] = ANY_SIZE) -> FloatImage:
     """How much pixels (h, w) of a stack stand out, in standard deviations: by warmth of a single band, else by RX."""
-    return warmth(stack) if stack.values.shape[3] == 1 else oddity(mean(stack), looks_of(stack))
+    return warmth(stack, sizes) if stack.values.shape[3] == 1 else oddity(mean(stack), looks_of(stack))
 
 
 def peaks(odd: FloatImage, window: GroundWindow, height: float, most: int) -> list[HotPlace]:

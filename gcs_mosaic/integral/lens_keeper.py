@@ -13,7 +13,7 @@ from gcs_mosaic.integral.aperture import SyntheticAperture
 from gcs_mosaic.integral.focus import Focus
 from gcs_mosaic.integral.forms import FORMS
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
-from gcs_mosaic.integral.hot_places import HotPlace, found_in
+from gcs_mosaic.integral.hot_places import UNKNOWN_REACH, HotPlace, found_in
 from gcs_mosaic.stitch.arrays import AnyImage, FloatImage
 from gcs_mosaic.views.flight_view import FlightView
 
@@ -28,7 +28,8 @@ BLACK, WHITE = 0.005, 0.999
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LensWish:
     """What is to be seen. `side`: canvas units, None: as fine as the frames; `height`: share of the flying height, None: it is
-    sought; `opened`: the aperture's share; `hints`: how many places that stand out."""
+    sought; `opened`: the aperture's share; `hints`: how many places that stand out; `unit_m`: metres of a canvas unit, if
+    somebody knows them."""
 
     island: int
     x: float
@@ -39,6 +40,7 @@ class LensWish:
     opened: float = 1.0
     form: str = "mean"
     hints: int = 0
+    unit_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +68,8 @@ class LensKeeper:
         height = focus.height if wish.height is None else wish.height
         aperture = lens.aperture(height, wish.opened)
         values = FORMS[wish.form](lens.stack(height, wish.opened))
-        hints = found_in(lens, height, wish.opened, wish.hints) if wish.hints else ()
+        reach = 1 if focus.known or wish.height is not None else UNKNOWN_REACH
+        hints = found_in(lens, height, wish.opened, wish.hints, wish.unit_m, reach) if wish.hints else ()
         return LensView(lens=lens, focus=focus, height=height, aperture=aperture, values=values, hints=hints)
 
     def forget(self, now: float | None = None) -> None:
@@ -75,7 +78,7 @@ class LensKeeper:
         self._open = {key: one for key, one in self._open.items() if now - one[0] < KEPT_S}
 
     def _opened(self, wish: LensWish) -> tuple[GroundLens, Focus]:
-        key = replace(wish, height=None, opened=1.0, form="mean", hints=0)
+        key = replace(wish, height=None, opened=1.0, form="mean", hints=0, unit_m=None)
         known = None if wish.height is None else self._open.get(key)
         if known is None:
             self._open.pop(key, None)

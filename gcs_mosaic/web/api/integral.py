@@ -46,6 +46,9 @@ class IntegralQuery:
     aperture: Annotated[float, Limits(least=0, most=1), "how far it is open: 1 is all looks"] = 1.0
     form: Annotated[Form, "how the looks are combined"] = "mean"
     hints: Annotated[int, Limits(least=0, most=50), "so many places that stand out most, near this height"] = 0
+    unit: Annotated[
+        float | None, Limits(least=1e-4, most=100), "metres of a canvas unit, if known: people are of a size"
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +67,9 @@ class IntegralAnswer:
 
     map_revision: MapRevision
     height: float
-    ground: Annotated[float | None, "where the ground was found by itself; null where looks agree nowhere"]
+    ground: Annotated[
+        float | None, "where the ground was found by itself; null where looks agree nowhere, or at many heights"
+    ]
     lowest: float
     highest: float
     flying_height: Annotated[float, "canvas units"]
@@ -126,6 +131,7 @@ def _looked(app: web.Application, island: int, asked: IntegralQuery, revision: i
         opened=asked.aperture,
         form=asked.form,
         hints=asked.hints,
+        unit_m=asked.unit,
     )
     seen = thread.keeper.look(wish)
     return _told(seen, as_jpeg(seen, asked.form), revision)

@@ -76,6 +76,7 @@ export class Trees {
     if (isNew) this.told.textContent = t("Opening all originals of this place …");
     const asked = new URLSearchParams({ x: place.x, y: place.y, cells: place.cells, form: this.form.value });
     if (place.side !== null) asked.set("side", place.side);
+    if (place.unit) asked.set("unit", String(place.unit));
     if (isNew) asked.set("hints", String(HINTS));
     else asked.set("height", String(this.focus.value / 100));
     asked.set("aperture", String(this.aperture.value / 100));
@@ -148,7 +149,7 @@ export class Trees {
       t("{n} looks, {degrees}° between the outermost.", { n: answer.looks, degrees: Math.round(answer.spread_deg) }),
       t("Focus {percent} % of the flying height above the map's ground{metres}.", { percent, metres }),
     ];
-    if (answer.ground === null) lines.push(t("Where the ground lies is not known here: the looks agree at no height. Move the focus."));
+    if (answer.ground === null) lines.push(t("Where the ground lies is not known here: the looks agree at no height, or at many as crowns do. Move the focus."));
     else if (Math.abs(answer.height - answer.ground) > 0.001) lines.push(t("The ground was found at {percent} %.", { percent: (100 * answer.ground).toFixed(1) }));
     if (answer.lost) lines.push(t("{n} originals cannot be read and are left out.", { n: answer.lost }));
     this.told.textContent = lines.join(" ");

@@ -301,7 +301,7 @@ export default {
   "What stands out": "Was sich abhebt",
   "What to see to": "Worum man sich kümmern muss",
   "What you see is from {time}.": "Was Sie sehen, ist von {time}.",
-  "Where the ground lies is not known here: the looks agree at no height. Move the focus.": "Wo hier der Boden liegt, ist nicht bekannt: in keiner Höhe stimmen die Blicke überein. Den Fokus verschieben.",
+  "Where the ground lies is not known here: the looks agree at no height, or at many as crowns do. Move the focus.": "Wo hier der Boden liegt, ist nicht bekannt: die Blicke stimmen in keiner Höhe überein, oder in vielen wie bei Kronen. Den Fokus verschieben.",
   "Whoever has one of these addresses may look at the flight.": "Wer eine dieser Adressen hat, darf den Flug ansehen.",
   "Whole map": "Ganze Karte",
   "WinTAK imports the same file; it was not tried.": "WinTAK nimmt dieselbe Datei; ausprobiert wurde es nicht.",
