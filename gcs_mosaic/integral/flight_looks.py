@@ -12,6 +12,7 @@ from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
 from gcs_mosaic.integral.relief_plane import plane_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
+from gcs_mosaic.integral.why_not import nobody_sees, too_few
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import brightening
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
@@ -47,7 +48,7 @@ def looks_at(view: FlightView, island: int, window: GroundWindow, most: int = MO
     near = [table.frames[index].number for index in table.near(island, point)]
     painted = [(number, one) for number in near if (one := view.painted(number)) is not None and _sees(one, window)]
     if not painted:
-        raise UsageError(f"No frame of island {island} sees ({window.x:g}, {window.y:g}): give a place on its map.")
+        raise UsageError(nobody_sees(island, window.x, window.y))
     step = -(-len(painted) // most)
     looks, lost = list[GroundLook](), list[str]()
     for number, one in painted[::step]:
@@ -56,21 +57,12 @@ def looks_at(view: FlightView, island: int, window: GroundWindow, most: int = MO
     if len({one.image.shape[2] for one in looks}) > 1:
         looks = [_as_grey(one) for one in looks]
     if len(looks) < 2:
-        raise UsageError(_too_few(len(painted), lost))
+        raise UsageError(too_few(len(painted), lost))
     return FlightLooks(looks, lost, len(painted) - len(painted[::step]))
 
 
 def _as_grey(look: GroundLook) -> GroundLook:
     return look if look.image.shape[2] == 1 else replace(look, image=look.image.mean(axis=2, keepdims=True))
-
-
-def _too_few(count: int, lost: Sequence[str]) -> str:
-    if count < 2:
-        return "Only one frame sees this place, and an integral needs two at least: open the original instead."
-    return (
-        f"Of the {count} frames that see this place, the originals of {len(lost)} cannot be read ({lost[0]} is the first), and "
-        "an integral needs two at least: bring them back with gcs-mosaic check --repair --frames DIR."
-    )
 
 
 def _sees(painted: RenderItem, window: GroundWindow) -> bool:

@@ -55,7 +55,7 @@ class Focus:
 def ground_focus(
     looks: Sequence[GroundLook], window: GroundWindow, flying_height: float, aperture: SyntheticAperture
 ) -> Focus:
-    """Seek it about a window's middle. Where it is not known: the lower end of what agrees, or the map's ground if nothing does."""
+    """Seek it about a window's middle. Where it is not known: the lower end of what agrees; the map's ground if nothing does."""
     coarse = GroundWindow(window.x, window.y, window.side, min(CELLS, window.cells))
     some = [_coarser(one, coarse.cell / window.cell) for one in looks[:: -(-len(looks) // MOST_LOOKS)]]
     heights = _heights(coarse, aperture)

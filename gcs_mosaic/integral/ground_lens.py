@@ -14,6 +14,7 @@ from gcs_mosaic.integral.focal_plane import camera_height
 from gcs_mosaic.integral.focus import Focus, ground_focus
 from gcs_mosaic.integral.forms import LEAST_LOOKS
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow, LookStack, laid_together
+from gcs_mosaic.integral.why_not import apart, beyond
 from gcs_mosaic.stitch.arrays import Vector2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
@@ -49,10 +50,7 @@ class GroundLens:
     def stack(self, height: float, opened: float = 1.0) -> LookStack:
         """The looks on the plane at a height. Raises UsageError for one where nothing can be in focus."""
         if not LOWEST <= height <= HIGHEST:
-            raise UsageError(
-                f"A focus at {height:.0%} of the flying height is beyond what can be sought: give one from {LOWEST:.0%} "
-                f"(below the map's ground, which over woods may lie by the crowns) to {HIGHEST:.0%}."
-            )
+            raise UsageError(beyond(height, LOWEST, HIGHEST))
         return laid_together(self.opened(opened), self.window, height * self.flying_height)
 
     def focus(self) -> Focus:
@@ -63,10 +61,7 @@ class GroundLens:
         """Of the looks at the middle. Raises UsageError where they do not overlap at this height."""
         found = aperture_of(self.opened(opened), self.middle, height * self.flying_height)
         if found.looks < LEAST_LOOKS:
-            raise UsageError(
-                f"At {height:.0%} of the flying height {found.looks} of {len(self.looks)} frames see the middle of it, and an "
-                "integral needs two at least: move the focus towards the ground, or open the aperture."
-            )
+            raise UsageError(apart(height, found.looks, len(self.looks)))
         return found
 
 

@@ -117,8 +117,8 @@ def _likelihoods() -> Callable[[FloatImage], FloatImage]:
 def found_in(
     lens: GroundLens, height: float, opened: float, most: int, unit_m: float | None = None, reach: int = 1
 ) -> list[HotPlace]:
-    """What stands out most in a lens, in a height and `reach` focuses below and above it: one of each thing. `unit_m`: metres of a
-    canvas unit, if that is known."""
+    """What stands out most in a lens, at a height and `reach` focuses below and above it: one of each thing. `unit_m`: metres of
+    a canvas unit, if that is known."""
     depth = min(max(lens.aperture(height, opened).depth, LEAST_DEPTH), MOST_DEPTH)
     sizes = person_size(None if unit_m is None else unit_m * lens.window.cell)
     found = list[HotPlace]()
