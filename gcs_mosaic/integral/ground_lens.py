@@ -49,9 +49,7 @@ class GroundLens:
 
     def stack(self, height: float, opened: float = 1.0) -> LookStack:
         """The looks on the plane at a height. Raises UsageError for one where nothing can be in focus."""
-        if not LOWEST <= height <= HIGHEST:
-            raise UsageError(beyond(height, LOWEST, HIGHEST))
-        return laid_together(self.opened(opened), self.window, height * self.flying_height)
+        return laid_together(self.opened(opened), self.window, self._units(height))
 
     def focus(self) -> Focus:
         """The ground's height as the looks tell it."""
@@ -59,10 +57,16 @@ class GroundLens:
 
     def aperture(self, height: float, opened: float = 1.0) -> SyntheticAperture:
         """Of the looks at the middle. Raises UsageError where they do not overlap at this height."""
-        found = aperture_of(self.opened(opened), self.middle, height * self.flying_height)
+        found = aperture_of(self.opened(opened), self.middle, self._units(height))
         if found.looks < LEAST_LOOKS:
             raise UsageError(apart(height, found.looks, len(self.looks)))
         return found
+
+    def _units(self, height: float) -> float:
+        """Canvas units of a height. Raises UsageError for one where nothing can be in focus."""
+        if not LOWEST <= height <= HIGHEST:
+            raise UsageError(beyond(height, LOWEST, HIGHEST))
+        return height * self.flying_height
 
 
 def ground_lens(
