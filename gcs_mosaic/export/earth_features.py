@@ -20,7 +20,7 @@ from gcs_mosaic.notes.finds.export_finds import finds_in
 from gcs_mosaic.notes.finds.exports import find_feature
 from gcs_mosaic.notes.finds.finds import placed
 from gcs_mosaic.notes.ground.binding import GroundFollower
-from gcs_mosaic.notes.texts import iso, shown
+from gcs_mosaic.notes.texts import shown
 from gcs_mosaic.store.records import PositionRecord
 from gcs_mosaic.views.coverage import IslandCoverage
 
@@ -49,6 +49,7 @@ def _features(found: EarthMap) -> Iterator[Feature]:
 
 def _footprints(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
     table = found.view.table()
+    times = found.view.capture_times(table)
     for index, frame in enumerate(table.frames):
         outline = table.outlines[index]
         outline = outline[np.isfinite(outline).all(axis=1)]
@@ -61,7 +62,9 @@ def _footprints(found: EarthMap, island: EarthIsland) -> Iterator[Feature]:
                 "error_m": _error(island, *middle),
             }
             told |= _whose(frame.vehicle)
-            told |= {} if frame.modified is None else {"time": iso(frame.modified)}
+            told |= (
+                {"time": times[frame.number].iso(), "time_by": times[frame.number].by} if frame.number in times else {}
+            )
             yield _feature("Polygon", [_ring(island, outline)], told)
 
 

@@ -22,6 +22,12 @@ MOST_GAPS = 50  # in the table of an island; all are drawn
 
 Laid = Mapping[int, IslandAnchor]
 
+TAKEN_BY = {
+    "camera": "pictures taken, by the camera's clock",
+    "message": "pictures taken, by the messages",
+    "file": "pictures came, by their files",
+}
+
 
 def as_debriefing(
     view: FlightView, finds: Sequence[PlacedFind], laid: Laid, coverage_of: CoverageOf, made_utc: float
@@ -44,11 +50,14 @@ def _facts(
     view: FlightView, frames: Sequence[PositionRecord], made_utc: float, started_utc: float | None
 ) -> Iterator[tuple[str, str]]:
     states = Counter(str(one.state) for one in view.frames())
-    taken = [one.modified for one in frames if one.modified is not None]
+    times = view.capture_times(view.table())
+    taken = [times[one.number] for one in frames if one.number in times]
     if started_utc is not None:
         yield "stitching began", iso(started_utc)
-    if taken:
-        yield "pictures taken, by their files", f"{iso(min(taken))} to {iso(max(taken))}"
+    for clock, said in TAKEN_BY.items():
+        ours = sorted((one for one in taken if one.by == clock), key=lambda one: one.s)
+        if ours:
+            yield said, f"{ours[0].iso('seconds')} to {ours[-1].iso('seconds')}"
     yield "frames", ", ".join(f"{count} {state}" for state, count in states.most_common()) or "none"
     yield "this file was made", iso(made_utc)
 

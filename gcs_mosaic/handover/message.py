@@ -35,6 +35,6 @@ def _lines(one: PlacedFind, flight: str, view: FlightView) -> Iterator[str]:
         yield find.note
     frame = None if one.place.number is None else view.frame(one.place.number)
     if frame is not None:
-        taken = "" if frame.modified is None else f", taken {iso(frame.modified)} by its file"
-        yield f"in {shown(frame.name)}{taken}"
+        taken = None if one.place.number is None else view.capture_time(one.place.number)
+        yield f"in {shown(frame.name)}{'' if taken is None else f', {taken.words()}'}"
     yield f"marked by {find.who}, {iso(find.created_utc)}"

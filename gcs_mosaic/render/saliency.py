@@ -63,15 +63,15 @@ def _centre_and_surround(look: ImageBGR) -> tuple[PlaneStack, PlaneStack]:
 
 
 def _contrast(centre: PlaneStack, surround: PlaneStack) -> list[ImageGrey]:
-    ways = *cv2.split(cv2.subtract(centre, surround)), *cv2.split(cv2.subtract(surround, centre))
-    return [_pooled(way) for way in ways]
+    signed = cv2.subtract(centre, surround), cv2.subtract(surround, centre)
+    return [np.asarray(way, np.uint8) for both in signed for way in cv2.split(_pooled(both))]
 
 
-def _pooled(values: cv2.typing.MatLike) -> ImageGrey:
-    """Maximum of all values around each fourth pixel."""
+def _pooled(values: cv2.typing.MatLike) -> cv2.typing.MatLike:
+    """Maximum of all values around each fourth pixel, for each channel."""
     size = max(1, values.shape[1] // POOL), max(1, values.shape[0] // POOL)
     widest = cv2.dilate(values, np.ones((POOL + 1, POOL + 1), np.uint8))
-    return np.asarray(cv2.resize(widest, size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
+    return cv2.resize(widest, size, interpolation=cv2.INTER_NEAREST)
 
 
 def _quarter(values: cv2.typing.MatLike) -> FloatImage:

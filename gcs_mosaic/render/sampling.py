@@ -27,11 +27,13 @@ def at_cells(values: Lattice) -> Lattice:
     """Values at lattice points (n + 1, m + 1[, k]), bilinear at the centres of cells (2 n, 2 m[, k])."""
     rows, columns = values.shape[0] - 1, values.shape[1] - 1
     between = np.empty((2 * rows, columns + 1, *values.shape[2:]), np.float32)
-    between[::2] = values[:-1] * np.float32(0.75) + values[1:] * np.float32(0.25)
-    between[1::2] = values[:-1] * np.float32(0.25) + values[1:] * np.float32(0.75)
+    far, near = values * np.float32(0.25), values * np.float32(0.75)
+    np.add(near[:-1], far[1:], out=between[::2])
+    np.add(far[:-1], near[1:], out=between[1::2])
     cells = np.empty((2 * rows, 2 * columns, *values.shape[2:]), np.float32)
-    cells[:, ::2] = between[:, :-1] * np.float32(0.75) + between[:, 1:] * np.float32(0.25)
-    cells[:, 1::2] = between[:, :-1] * np.float32(0.25) + between[:, 1:] * np.float32(0.75)
+    far, near = between * np.float32(0.25), between * np.float32(0.75)
+    np.add(near[:, :-1], far[:, 1:], out=cells[:, ::2])
+    np.add(far[:, :-1], near[:, 1:], out=cells[:, 1::2])
     return cells
 
 
@@ -80,7 +82,11 @@ def _most(points: Lattice) -> Lattice:
 def places_in(pixels: Lattice, lattice: FrameLattice, shape: tuple[int, ...]) -> Lattice:
     """Places in a map (rows, columns, ...) of the whole frame, of frame pixels (h, w, 2)."""
     scale = np.array([shape[1] / lattice.camera.width, shape[0] / lattice.camera.height], np.float32)
-    return np.asarray(np.nan_to_num((pixels + np.float32(0.5)) * scale - np.float32(0.5), nan=NOWHERE), np.float32)
+    places = np.asarray(pixels + np.float32(0.5), np.float32)
+    places *= scale
+    places -= np.float32(0.5)
+    np.copyto(places, np.float32(NOWHERE), where=np.isnan(places))
+    return places
 
 
 def sampled(values: AnyImage, places: Lattice) -> AnyImage:

@@ -37,6 +37,8 @@ from gcs_mosaic.render.tone import REACH, shifts
 from gcs_mosaic.stitch.arrays import ToneShifts
 from gcs_mosaic.stitch.transaction import Kept
 
+EXPECTED = 2  # contributions computed ahead: of the frame that is laid over, and of the next one meanwhile
+
 
 class Territory(Kept):
     """The cells of tiles and their owners, in a store that its owner restores, like the frames."""
@@ -49,7 +51,8 @@ class Territory(Kept):
         self._frame_cache = frame_cache
         self._frames = frames
         self._pool = pool
-        self._coming: tuple[RenderItem, Window, Future[Seen]] | None = None  # the next frame's contribution
+        # Contributions of the frame that is laid over next and of the one after it, by name.
+        self._coming: dict[str, tuple[RenderItem, Window, Future[Seen]]] = {}
         self._numbers: dict[str, int] = {}  # of all frames ever seen, by name
         self._names: list[str] = []  # by number
 
@@ -71,7 +74,10 @@ class Territory(Kept):
         """Begin to compute a frame's contribution to the cells of these tiles, while another one is laid over them."""
         if self._frame_cache.has_seen(frame.painted):
             window, maps = window_around(keys), self._frame_cache.blend_maps(frame.painted)
-            self._coming = frame.painted, window, self._pool.submit(self._mode.see, frame, maps, window)
+            while len(self._coming) >= EXPECTED:
+                del self._coming[next(iter(self._coming))]
+            seen = self._pool.submit(self._mode.see, frame, maps, window)
+            self._coming[frame.painted.name] = frame.painted, window, seen
 
     def drop_fresh(self, keys: Iterable[TileKey]) -> None:
         """Discard cells decided again."""
@@ -136,7 +142,7 @@ class Territory(Kept):
         return touched(near > 0, window) & there
 
     def _seen(self, frame: FrameWarp, window: Window) -> Seen:
-        coming, self._coming = self._coming, None
+        coming = self._coming.pop(frame.painted.name, None)
         if coming is not None and coming[:2] == (frame.painted, window):
             return coming[2].result()
         return self._mode.see(frame, self._frame_cache.blend_maps(frame.painted), window)

@@ -48,8 +48,10 @@ def refined(values: Lattice) -> Lattice:
     rows, columns = values.shape[:2]
     fine = np.empty((2 * rows - 1, 2 * columns - 1, *values.shape[2:]), np.float32)
     fine[::2, ::2] = values
-    fine[1::2, ::2] = (values[:-1] + values[1:]) / 2
-    fine[:, 1::2] = (fine[:, :-1:2] + fine[:, 2::2]) / 2
+    half = values * np.float32(0.5)
+    np.add(half[:-1], half[1:], out=fine[1::2, ::2])
+    half = fine[:, ::2] * np.float32(0.5)
+    np.add(half[:, :-1], half[:, 1:], out=fine[:, 1::2])
     return fine
 
 

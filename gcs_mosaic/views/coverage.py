@@ -149,11 +149,13 @@ class IslandCoverage:
         self._lock = threading.Lock()
         self._known: dict[int, tuple[float, SeenIsland]] = {}  # when to look again, in monotonic seconds
 
-    def of(self, island: int) -> SeenIsland:
-        """An island as it was seen a second ago or later."""
+    def of(self, island: int, at_least: int = 0) -> SeenIsland:
+        """An island as it was seen a second ago or later, and at a revision or later if the folder is there already."""
         with self._lock:  # never made twice at once
-            table, known = self._view.table(), self._known.get(island)
-            if known is not None and (known[1].revision == table.revision or time.monotonic() < known[0]):
+            table, known = self._view.table(at_least), self._known.get(island)
+            if known is not None and known[1].revision == table.revision:
+                return known[1]
+            if known is not None and known[1].revision >= at_least and time.monotonic() < known[0]:
                 return known[1]
             return self._made(table, island)
 

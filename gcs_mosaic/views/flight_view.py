@@ -23,7 +23,7 @@ from gcs_mosaic.stitch.camera.relief import as_seen, on_plane
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.views.sharpness import relative_sharpness
-from gcs_mosaic.views.taken import TakenTimes
+from gcs_mosaic.views.taken import CaptureTime, TakenTimes
 
 if TYPE_CHECKING:
     import sqlite3
@@ -84,10 +84,10 @@ class FlightView:
         self._taken: tuple[FrameTable | None, Array] = None, np.empty(0)
         self._painted = lru_cache(KEPT_FRAMES)(self._read_painted)
 
-    def table(self) -> FrameTable:
-        """The painted frames; none where there is no ledger yet."""
+    def table(self, at_least: int = 0) -> FrameTable:
+        """The painted frames, as of a revision or later if the folder is there already; none where there is no ledger yet."""
         with self._lock:
-            if time.monotonic() >= self._due:
+            if time.monotonic() >= self._due or self._table.revision < at_least:
                 self._read_again()
             return self._table
 
@@ -105,6 +105,19 @@ class FlightView:
         times = self.times.by_one_clock(table.frames, told)
         self._taken = table, times
         return times
+
+    def capture_times(self, table: FrameTable) -> dict[int, CaptureTime]:
+        """When each of a table's frames was taken, as far as that is known, by its number. Raises UsageError."""
+        with self.ledger() as ledger:
+            told = ledger.message_times()
+        found = {one.number: self.times.of(one, told.get(one.number)) for one in table.frames}
+        return {number: taken for number, taken in found.items() if taken is not None}
+
+    def capture_time(self, number: int) -> CaptureTime | None:
+        """The same of one frame, on the map or not. Raises UsageError."""
+        with self.ledger() as ledger:
+            frame = ledger.frame(number)
+            return None if frame is None else self.times.of(frame, ledger.message_time(number))
 
     def painted(self, number: int) -> RenderItem | None:
         """How a frame is painted, with relief; None if it is not."""

@@ -1,8 +1,8 @@
 """Layers over the map, painted as small tiles: each a pure function of the painted frames around.
 
-Colours are OpenCV's tables of viridis and cividis (made for eyes that do not tell red from green); their legend is told with
-them. Tiles that are coarser than an island's grid are taken from that grid, finer ones from the frames around: the cost does not
-grow with the flight.
+Colours are OpenCV's tables of viridis, cividis and plasma (made for eyes that do not tell red from green); their legend is
+told with them. Tiles that are coarser than an island's grid are taken from that grid, finer ones from the frames around: the cost
+does not grow with the flight.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, pixel_size, tile_box
-from gcs_mosaic.stitch.arrays import Array, ImageBGR, Mask
+from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, Mask
+from gcs_mosaic.views.changes import FlightChanges
 from gcs_mosaic.views.coverage import Coverage, Grid, IslandCoverage, seen_on
 from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.views.ground_window import GroundWindow
 
 CELLS = 64  # of a tile's side: cells of four pixels
 MOST_FRAMES = 400  # for one tile; with more the island's grid will do
-ALPHA = 150  # of 255: the map shows through
 STOPS = 5  # colours in a legend
 
 
@@ -112,6 +113,18 @@ LAYERS = {
 }
 
 
+CHANGES = "changes"  # the layer of merged flights, which is made of their pictures
+_CHANGES = MapLayer(
+    CHANGES,
+    "What changed between the flights",
+    "a little brighter or darker",
+    "twice as bright or dark",
+    cv2.COLORMAP_PLASMA,
+    lambda seen, _: np.zeros_like(seen.finest),
+)
+LEAST_CHANGE, MOST_CHANGE = 0.15, math.log(2)  # of brightness, logarithms: the ends of the colours
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerLegend:
     """What a layer shows."""
@@ -130,20 +143,35 @@ def legend(layer: MapLayer) -> LayerLegend:
     return LayerLegend(name=layer.name, title=layer.title, worst=layer.worst, best=layer.best, colours=stops)
 
 
+def legends(*, merged: bool) -> list[LayerLegend]:
+    """Of all layers; `merged`: whether there are several flights on the map."""
+    return [legend(layer) for layer in (*LAYERS.values(), *([_CHANGES] if merged else []))]
+
+
 class LayerTiles:
     """Tiles of all layers of a flight."""
 
     def __init__(self, view: FlightView) -> None:
         self._view = view
         self.islands = IslandCoverage(view)
+        self.changes = FlightChanges(view)
 
-    def tile(self, layer: MapLayer, island: int, tile: Tile) -> bytes | None:
-        """A PNG with alpha; None where nothing was seen."""
-        table = self._view.table()
+    def changed(self, island: int, tile: Tile) -> bytes | None:
+        """A tile of what changed between merged flights, as far as that is known: a PNG with alpha; None for nothing."""
+        known = self.changes.known(island)
+        if known is None or known.window is None or known.strength is None:
+            return None
+        greatest = _greatest(known.strength, known.window, _grid_of(tile))
+        share = np.asarray((greatest - LEAST_CHANGE) / (MOST_CHANGE - LEAST_CHANGE), np.float64)
+        return _as_png(_CHANGES, share, share > 0)
+
+    def tile(self, layer: MapLayer, island: int, tile: Tile, at_least: int = 0) -> bytes | None:
+        """A PNG with alpha, of a revision or later if the folder is there already; None where nothing was seen."""
+        table = self._view.table(at_least)
         near = table.near(island, tile_box(tile))
         if not near:
             return None
-        whole = self.islands.of(island).coverage
+        whole = self.islands.of(island, at_least).coverage
         if whole is None:
             return None
         grid = _grid_of(tile)
@@ -184,14 +212,31 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     )
 
 
+def _greatest(strength: FloatImage, window: GroundWindow, grid: Grid) -> FloatImage:
+    """The greatest change, whatever its sign, in or beside each cell of a grid: what is small is seen from afar, too."""
+    reach = max(1, round(grid.cell / window.cell))
+    left, top = (grid.left - window.left) / window.cell, (grid.top - window.top) / window.cell
+    columns = np.floor(left + (np.arange(grid.columns) + 0.5) * grid.cell / window.cell).astype(int)
+    rows = np.floor(top + (np.arange(grid.rows) + 0.5) * grid.cell / window.cell).astype(int)
+    known = ((rows >= 0) & (rows < window.rows))[:, None] & ((columns >= 0) & (columns < window.columns))
+    if not known.any():
+        return np.zeros((grid.rows, grid.columns), np.float32)
+    low, high = max(0, rows[0] - reach), min(window.rows, rows[-1] + reach + 1)
+    part = cv2.dilate(np.abs(strength[low:high]), np.ones((reach | 1, reach | 1), np.uint8))
+    at = np.ix_((rows - low).clip(0, len(part) - 1), columns.clip(0, window.columns - 1))
+    return np.asarray(np.where(known, part[at], 0), np.float32)
+
+
 def _encoded(layer: MapLayer, seen: Coverage, usual: Usual) -> bytes | None:
-    shown: Mask = seen.looks > 0
     share = layer.share(seen, usual)
-    shown &= np.isfinite(share)
+    return _as_png(layer, share, (seen.looks > 0) & np.isfinite(share))
+
+
+def _as_png(layer: MapLayer, share: Array, shown: Mask) -> bytes | None:
     if not shown.any():
         return None
     colours = _coloured(layer, np.where(shown, share, 0.0))
-    bgra = np.dstack([colours, np.where(shown, ALPHA, 0).astype(np.uint8)])
+    bgra = np.dstack([colours, np.where(shown, 255, 0).astype(np.uint8)])
     large = cv2.resize(bgra, (TILE_SIZE, TILE_SIZE), interpolation=cv2.INTER_NEAREST)
     done, data = cv2.imencode(".png", large, [cv2.IMWRITE_PNG_COMPRESSION, 4])
     return data.tobytes() if done else None

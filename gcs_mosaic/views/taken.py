@@ -6,6 +6,7 @@ For whoever looks at the map; nothing else goes by it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
@@ -34,6 +35,22 @@ class CaptureTime:
 
     s: float
     by: Clock
+
+    def iso(self, timespec: str = "milliseconds") -> str:
+        """ISO 8601; without a zone where the clock tells none."""
+        zone = "" if self.by == "camera" else "Z"
+        return datetime.fromtimestamp(self.s, UTC).isoformat(timespec=timespec).replace("+00:00", zone)
+
+    def words(self) -> str:
+        """For people: when, and by whose clock."""
+        at = self.iso("seconds")
+        match self.by:
+            case "camera":
+                return f"taken {at} by the camera's clock"
+            case "message":
+                return f"taken {at}"
+            case "file":
+                return f"came {at} by its file"
 
 
 class TakenTimes:

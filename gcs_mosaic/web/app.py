@@ -23,6 +23,7 @@ from gcs_mosaic.web.address import HttpAddress, network_names, own_names
 from gcs_mosaic.web.address_quota import AddressQuota
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.api.common import VIEW
+from gcs_mosaic.web.api.finds import COT
 from gcs_mosaic.web.api.routes import add_api
 from gcs_mosaic.web.bundle import NAME, bundle
 from gcs_mosaic.web.choosing import ACCESS, CHOOSING, PATH, ROOT, choose_vehicle
@@ -57,6 +58,7 @@ def make_app(
     checks = [host_check(address, names), origin_check, access_check(access), dates_check]
     app = web.Application(middlewares=[*checks, note_request])
     app[ROOT], app[FEED], app[NAMES] = root, feed or Feed(), names
+    app[COT] = settings.cot or ""
     app[ACCESS], app[CHOOSING] = access, asyncio.Lock()
     app[ANSWERED] = AnsweredTiles(partial(last_revision, root))
     app[FEED].before_telling(app[ANSWERED].forget)

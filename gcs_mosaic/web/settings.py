@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Literal
 
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.handover.cot_address import cot_address
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WebSettings:
@@ -17,6 +20,7 @@ class WebSettings:
     underlay: str | None = (
         None  # an MBTiles file, or a folder z/x/y.png: shown under the map where a program asks for it
     )
+    cot: str | None = None  # where finds are sent on wish as Cursor on Target: udp:239.2.3.1:6969 is ATAK's own group
     qr: Literal["auto", "always", "never"] = "auto"  # the link for others as a QR code; auto: on a terminal
     connections: int = 200  # at a time; each takes two files at most, and 1,024 is the usual limit
     # ... of one address: four pages in browsers. As many are kept for this machine itself.
@@ -29,6 +33,11 @@ class WebSettings:
     def __post_init__(self) -> None:
         if self.key and not self.certificate:
             raise ValueError("key: expected a certificate with it, got a key alone")
+        if self.cot is not None:
+            try:
+                cot_address(self.cot)
+            except UsageError as error:
+                raise ValueError(f"cot: {error}") from error
         for field in fields(self):
             value = getattr(self, field.name)
             if not isinstance(value, bool) and isinstance(value, int | float) and value <= 0:

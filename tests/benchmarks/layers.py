@@ -33,7 +33,7 @@ class OfTable(FlightView):
         super().__init__(Path())
         self._fixed = table
 
-    def table(self) -> FrameTable:
+    def table(self, at_least: int = 0) -> FrameTable:
         return self._fixed
 
     def taken(self, table: FrameTable) -> Array:

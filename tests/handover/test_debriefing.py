@@ -93,7 +93,7 @@ def test_a_find_is_a_message_that_a_telephone_opens(flight: Path) -> None:
     assert lines[1] == f"{latitude:.6f}, {longitude:.6f} (within 1 m)"
     assert lines[2] == f"geo:{latitude:.6f},{longitude:.6f};u=1"
     assert lines[3] == "by the tree"
-    assert re.fullmatch(r"in 0\.jpg, taken 1970-01-01T00:16:40Z by its file", lines[4])
+    assert re.fullmatch(r"in 0\.jpg, came 1970-01-01T00:16:40Z by its file", lines[4])
     assert lines[5].startswith("marked by Kim, ")
 
 

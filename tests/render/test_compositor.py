@@ -446,6 +446,27 @@ def test_places_that_were_expected_are_those_that_are_used(canvas: Canvases, mon
     assert_same(all_tiles(c), all_tiles(whole))
 
 
+def test_what_a_frame_contributes_to_the_cells_is_computed_once(
+    canvas: Canvases, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[str] = []
+    seam = MODES["seam"]
+
+    def see(frame: FrameWarp, *rest: Any) -> Any:
+        seen.append(frame.painted.name)
+        return seam.see(frame, *rest)
+
+    monkeypatch.setitem(MODES, "seam", replace(seam, see=see))
+    c = canvas()
+    frames = [painted(order, 60 * order, 0) for order in range(4)]
+    for frame in frames:
+        c.look(originals(frame.name), frame)
+    c.move(frames)
+    for _ in c.repaint():
+        pass
+    assert sorted(seen) == [frame.name for frame in frames]
+
+
 def test_a_frame_that_cannot_be_looked_at_ahead_costs_no_other_one(
     canvas: Canvases, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventState
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.sightings import sightings
+from gcs_mosaic.views.taken import CaptureTime
 from tests.factories import frame, trigger_event
 from tests.frames.image_files import encoded, photographed, picture, with_exif
 
@@ -74,3 +75,21 @@ def test_an_original_that_has_gone_tells_nothing(tmp_path: Path) -> None:
     (tmp_path / "frames" / "0.jpg").unlink()
     (one,) = sightings(view, 0, 0.0, 0.0)
     assert (one.clock, one.utc) == ("file", COPIED)
+
+
+def test_a_time_is_told_with_its_clock() -> None:
+    said = [CaptureTime(BY_CAMERA, by).words() for by in ("camera", "message", "file")]
+    assert said == [
+        "taken 2014-10-19T13:20:57 by the camera's clock",
+        "taken 2014-10-19T13:20:57Z",
+        "came 2014-10-19T13:20:57Z by its file",
+    ]
+
+
+def test_exports_tell_when_pictures_were_taken(tmp_path: Path) -> None:
+    """Not when their files were copied."""
+    view = flight_of(tmp_path, ["2014:10:19 13:20:57", None], told=False)
+    times = view.capture_times(view.table())
+    assert [times[number].iso("seconds") for number in (1, 2)] == ["2014-10-19T13:20:57", "2026-09-21T14:13:21Z"]
+    assert view.capture_time(1) == times[1]
+    assert view.capture_time(99) is None

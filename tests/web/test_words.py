@@ -15,7 +15,7 @@ from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
-from gcs_mosaic.views.layers import LAYERS, area_words
+from gcs_mosaic.views.layers import area_words, legends
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.app import VIEWER
 from gcs_mosaic.web.server import WebServer
@@ -72,7 +72,9 @@ def test_what_stands_in_the_page_has_a_german_word() -> None:
 
 
 def test_layers_have_german_words() -> None:
-    assert {word for one in LAYERS.values() for word in (one.title, one.worst, one.best)} - german().keys() == set()
+    assert {
+        word for one in legends(merged=True) for word in (one.title, one.worst, one.best)
+    } - german().keys() == set()
 
 
 def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
@@ -81,7 +83,7 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
     scripts = "".join(path.read_text("utf-8") for path in SCRIPTS)
     served = [
         *sentences_of_the_server(),
-        *(word for one in LAYERS.values() for word in (one.title, one.worst, one.best)),
+        *(word for one in legends(merged=True) for word in (one.title, one.worst, one.best)),
     ]
     used = {*words.found, *served, *(word for script in SCRIPTS for word in said_by(script))}
     unused = {

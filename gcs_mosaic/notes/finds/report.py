@@ -73,11 +73,21 @@ def document(title: str, body: str) -> str:
 def cards(finds: Sequence[PlacedFind], view: FlightView) -> str:
     """HTML of all finds, the first `MOST_CROPS` with their crops."""
     crops = _crops(finds[:MOST_CROPS], view)
-    found = "\n".join(_card(one, crops.get(one.find.id)) for one in finds)
+    found = "\n".join(_card(one, crops.get(one.find.id), _taken(one, view)) for one in finds)
     return f'<div class="finds">\n{found}\n</div>'
 
 
-def _card(one: PlacedFind, crop: bytes | None) -> str:
+def _taken(one: PlacedFind, view: FlightView) -> str:
+    """When the picture was taken that a find was set in; nothing if that is not known."""
+    try:
+        taken = None if one.place.number is None else view.capture_time(one.place.number)
+    except UsageError:
+        logger.info("no ledger can be read", exc_info=True)
+        return ""
+    return "" if taken is None else f", {taken.words()}"
+
+
+def _card(one: PlacedFind, crop: bytes | None, taken: str) -> str:
     find, place = one.find, one.place
     name = html.escape(find.label or find.kind or "find")
     picture = '<div class="none"></div>'
@@ -87,7 +97,7 @@ def _card(one: PlacedFind, crop: bytes | None) -> str:
     if one.geo is not None:
         where = f"{coordinate(one.geo)}; {where}"
     if find.binding.frame is not None and find.binding.pixel is not None:
-        where += f"; {shown(find.binding.frame)} at {find.binding.pixel[0]:.0f}, {find.binding.pixel[1]:.0f}"
+        where += f"; {shown(find.binding.frame)} at {find.binding.pixel[0]:.0f}, {find.binding.pixel[1]:.0f}{taken}"
     when = f"{find.who}, {iso(find.created_utc)}"
     return (
         f"<article><figure>{picture}</figure><h2>{find.id}. {name}</h2><p>{html.escape(find.note)}</p>"

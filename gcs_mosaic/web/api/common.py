@@ -16,23 +16,32 @@ from gcs_mosaic.web.tile_answer import tagged
 
 BASE = "/api/v1"
 MapRevision = Annotated[int, Limits(least=0), "of the map: the answer is as new as this one, or newer"]
+# Of a question: the page tells the newest that it knows, so that no answer is older than what it shows.
+AskedRevision = Annotated[int, Limits(least=0, most=1 << 53), "of the map: the answer is to be as new, if the map is"]
 THREADS = 2  # for questions; stitching has priority on the cores
 LARGEST_BODY = 1 << 16  # bytes
 
 VIEW = web.AppKey("view", FlightView)
 POOL = web.AppKey("pool", ThreadPoolExecutor)
+# What decodes originals, or paints, has threads of its own, so that quick questions do not wait behind it.
+SLOW_POOL = web.AppKey("slow_pool", ThreadPoolExecutor)
 
 Result = TypeVar("Result")
 
 
-async def in_thread(request: web.Request, work: Callable[..., Result], *given: Any) -> Result:
+async def in_thread(
+    request: web.Request,
+    work: Callable[..., Result],
+    *given: Any,
+    pool: web.AppKey[ThreadPoolExecutor] = POOL,
+) -> Result:
     """Run blocking work on a thread of the API's own."""
-    return await asyncio.get_running_loop().run_in_executor(request.app[POOL], work, *given)
+    return await asyncio.get_running_loop().run_in_executor(request.app[pool], work, *given)
 
 
-async def map_revision(request: web.Request) -> int:
+async def map_revision(request: web.Request, at_least: int = 0) -> int:
     """Of the frames as they are known now; to be asked before an answer is made of them."""
-    return (await in_thread(request, request.app[VIEW].table)).revision
+    return (await in_thread(request, request.app[VIEW].table, at_least)).revision
 
 
 def bad(text: str) -> web.HTTPBadRequest:

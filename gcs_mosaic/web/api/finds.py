@@ -36,6 +36,7 @@ Revision = Annotated[int, Limits(least=0, most=1 << 53)]
 IF_MATCH = {"If-Match": "The revision that is changed, in quotes, instead of `revision` in the body."}
 FILES = Media(("application/geo+json", "text/csv", "application/vnd.google-earth.kml+xml", "text/html"))
 OPERATIONS = Operations()
+COT = web.AppKey("cot", str)  # whom finds are sent to on wish, as of `web: {cot: …}`; empty: nobody
 
 Kind = Annotated[str, Limits(longest=LONGEST_NAME)]
 Label = Annotated[str, Limits(longest=LONGEST_LABEL)]
@@ -112,6 +113,7 @@ class FindsAnswer:
 
     revision: Annotated[int, "of all that people have added"]
     map_revision: MapRevision
+    cot: Annotated[bool, "whether finds can be sent as Cursor on Target: the settings name whom to"] = False
     finds: Sequence[FindAnswer]
 
 
@@ -132,7 +134,8 @@ async def every(request: web.Request) -> web.StreamResponse:
     pinned, finds = await notes.run(lambda: (notes.pinned(), notes.finds.all(deleted=deleted)))
     (revision, *laid), of_map = pinned, await map_revision(request)
     shown = await in_thread(request, _placed, notes, finds, *laid)
-    told = FindsAnswer(revision=revision, map_revision=of_map, finds=[_told(one) for one in shown])
+    can_send = bool(request.app[COT])
+    told = FindsAnswer(revision=revision, map_revision=of_map, cot=can_send, finds=[_told(one) for one in shown])
     return told_anew(request, told)
 
 

@@ -6,7 +6,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Annotated, Literal
 from urllib.parse import quote
 
@@ -20,7 +19,18 @@ from gcs_mosaic.views.pictures import NoPicture, Original, is_shown_as_it_is, or
 from gcs_mosaic.views.sightings import Sighting, sightings
 from gcs_mosaic.views.taken import CaptureTime, Clock
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, map_revision, missing, told_anew
+from gcs_mosaic.web.api.common import (
+    BASE,
+    SLOW_POOL,
+    VIEW,
+    AskedRevision,
+    MapRevision,
+    answer,
+    in_thread,
+    map_revision,
+    missing,
+    told_anew,
+)
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.api.schema import fields_of
 from gcs_mosaic.web.tile_answer import is_known
@@ -58,6 +68,13 @@ class PlaceQuery:
 
     x: Annotated[Far, "canvas units"]
     y: Far
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightingsQuery(PlaceQuery):
+    """A place on an island's canvas, and how new the answer is to be."""
+
+    r: AskedRevision = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,13 +146,14 @@ def keep_pieces(app: web.Application) -> None:
     "GET",
     f"{ISLAND}/sightings",
     Reply("The frames, each with the pixel of its original.", SightingsAnswer),
-    query=PlaceQuery,
+    query=SightingsQuery,
 )
 async def who_saw(request: web.Request) -> web.StreamResponse:
     """The frames that saw a place on an island's canvas, the best first."""
-    asked, revision = asked_query(request, PlaceQuery), await map_revision(request)
-    found = await in_thread(request, sightings, request.app[VIEW], int(request.match_info["island"]), asked.x, asked.y)
-    await in_thread(request, _get_ready)
+    asked, island = asked_query(request, SightingsQuery), int(request.match_info["island"])
+    revision = await map_revision(request, asked.r)
+    found = await in_thread(request, sightings, request.app[VIEW], island, asked.x, asked.y)
+    request.app[SLOW_POOL].submit(_get_ready)  # nobody waits for it
     return answer(SightingsAnswer(map_revision=revision, sightings=[_entry(one) for one in found]))
 
 
@@ -170,7 +188,7 @@ async def shown(request: web.Request) -> web.StreamResponse:
             source.path, CHUNK, headers={"Content-Type": source.media_type or "", "ETag": f'"{etag}"'}
         )
     try:
-        data, kind = await in_thread(request, picture, view, frame, reduction)
+        data, kind = await in_thread(request, picture, view, frame, reduction, pool=SLOW_POOL)
     except NoPicture as error:
         raise missing(str(error)) from error
     return web.Response(body=data, content_type=kind, headers={"ETag": f'"{etag}"'})
@@ -210,7 +228,8 @@ async def _cut(request: web.Request, where: str, cut: Callable[..., bytes], *of_
     if is_known(request, etag):
         return web.Response(status=304, headers={"ETag": f'"{etag}"'})
     try:
-        data = await in_thread(request, cut, request.app[VIEW], int(request.match_info["frame"]), *of_frame)
+        frame = int(request.match_info["frame"])
+        data = await in_thread(request, cut, request.app[VIEW], frame, *of_frame, pool=SLOW_POOL)
     except NoPicture as error:
         raise missing(str(error)) from error
     finally:
@@ -249,28 +268,25 @@ async def _source(request: web.Request) -> Original:
 def _entry(one: Sighting) -> SightingAnswer:
     told = {name: getattr(one, name) for name in fields_of(SightingAnswer) if name not in ("name", "time", "time_by")}
     taken = None if one.utc is None or one.clock is None else CaptureTime(one.utc, one.clock)
-    return SightingAnswer(**told, name=_shown(one.name), time=_written(taken), time_by=one.clock)
+    return SightingAnswer(
+        **told, name=shown_name(one.name), time=None if taken is None else taken.iso(), time_by=one.clock
+    )
 
 
 def _times(view: FlightView) -> FrameTimesAnswer:
     """Raises UsageError."""
     table = view.table()
-    with view.ledger() as ledger:
-        told = ledger.message_times()
-    taken = [(one.name, view.times.of(one, told.get(one.number))) for one in table.frames]
+    times = view.capture_times(table)
+    taken = [(one.name, times.get(one.number)) for one in table.frames]
     found = [
-        FrameTimeAnswer(name=_shown(name), time=_written(at), time_by=None if at is None else at.by)
+        FrameTimeAnswer(
+            name=shown_name(name), time=None if at is None else at.iso(), time_by=None if at is None else at.by
+        )
         for name, at in taken
     ]
     return FrameTimesAnswer(map_revision=table.revision, frames=found)
 
 
-def _shown(name: str) -> str:
+def shown_name(name: str) -> str:
+    """A frame's name as JSON can hold it."""
     return name.encode("utf-8", "replace").decode()
-
-
-def _written(taken: CaptureTime | None) -> str | None:
-    if taken is None:
-        return None
-    zone = "" if taken.by == "camera" else "Z"
-    return datetime.fromtimestamp(taken.s, UTC).isoformat(timespec="milliseconds").replace("+00:00", zone)

@@ -14,11 +14,12 @@ from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of
 from gcs_mosaic.notes.anchors.pins import SetPin
 from gcs_mosaic.notes.finds.finds import Find, PlacedFind, placed
+from gcs_mosaic.notes.storage.checked import Who
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.told_islands import told_islands
-from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, in_thread, missing
-from gcs_mosaic.web.api.finds import ONE
+from gcs_mosaic.web.api.asked import asked_body, asked_query
+from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, answer, in_thread, missing
+from gcs_mosaic.web.api.finds import COT, ONE
 from gcs_mosaic.web.api.layers import TILES
 from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Media, Operations, Reply
@@ -49,6 +50,20 @@ class MissionQuery:
     ] = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SendBody:
+    """Who sends it."""
+
+    who: Who
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SentAnswer:
+    """Whom a find was sent to; over UDP nobody says whether it came."""
+
+    sent_to: str
+
+
 @OPERATIONS.add(
     "GET",
     BASE + r"/mission.{format:(plan|waypoints|kml|gpx)}",
@@ -75,7 +90,7 @@ async def debriefing(request: web.Request) -> web.StreamResponse:
     """One file for the debriefing: the map, the aircraft's way, finds, unseen ground, islands and times."""
     notes = request.app[NOTES]
     (_, *pinned), finds = await notes.run(lambda: (notes.pinned(), notes.finds.all()))
-    text = await in_thread(request, _debriefing, request, pinned, finds)
+    text = await in_thread(request, _debriefing, request, pinned, finds, pool=SLOW_POOL)
     from gcs_mosaic.notes.finds.report import POLICY as REPORT_POLICY
 
     policy = f"{REPORT_POLICY}; frame-ancestors 'none'"
@@ -103,10 +118,60 @@ async def crop(request: web.Request) -> web.StreamResponse:
     """What a find shows: 400 px of the original around it."""
     from gcs_mosaic.handover.message import crop_of_find
 
-    data = await in_thread(request, crop_of_find, await _find(request), request.app[VIEW])
+    data = await in_thread(request, crop_of_find, await _find(request), request.app[VIEW], pool=SLOW_POOL)
     if data is None:
         raise missing("No original that shows it can be read.")
     return tagged(request, data, "image/jpeg")
+
+
+@OPERATIONS.add(
+    "GET",
+    f"{ONE}/event.cot",
+    Reply("The event.", Media(("application/xml",))),
+    failures={409: "The find lies on an island without an anchor.", **NO_NUMBER, **NO_NOTES},
+)
+async def event(request: web.Request) -> web.StreamResponse:
+    """A find as an event of Cursor on Target, for ATAK and TAK servers."""
+    text = await _event(request)
+    headers = {"Content-Disposition": f'attachment; filename="find-{id_of(request)}.cot"'}
+    return web.Response(text=text, content_type="application/xml", charset="utf-8", headers=headers)
+
+
+@OPERATIONS.add(
+    "POST",
+    f"{ONE}/cot",
+    Reply("It was sent.", SentAnswer),
+    body=SendBody,
+    failures={409: "It was not sent, and why: no anchor, no address in the settings, nobody there.", **NO_NUMBER},
+)
+async def send(request: web.Request) -> web.StreamResponse:
+    """Send a find as an event of Cursor on Target to the address that the settings name (`web: {cot: …}`), and nowhere else."""
+    from gcs_mosaic.handover.cot import send_cot
+    from gcs_mosaic.handover.cot_address import cot_address
+
+    await asked_body(request, SendBody)
+    told = request.app[COT]
+    if not told:
+        raise web.HTTPConflict(text="The settings name nobody to send finds to: web: {cot: 'udp:239.2.3.1:6969'}.\n")
+    text = await _event(request)
+    try:
+        await in_thread(request, send_cot, text, cot_address(told), pool=SLOW_POOL)
+    except UsageError as error:
+        raise web.HTTPConflict(text=f"{error}\n") from error
+    return answer(SentAnswer(sent_to=told))
+
+
+async def _event(request: web.Request) -> str:
+    """Raises HTTPConflict where a find has no coordinate."""
+    from gcs_mosaic.handover.cot import as_cot
+
+    one, view = await _find(request), request.app[VIEW]
+    number = one.place.number
+    taken = None if number is None else await in_thread(request, view.capture_time, number)
+    try:
+        return as_cot(one, view.root.resolve().name, taken, time.time())
+    except UsageError as error:
+        raise web.HTTPConflict(text=f"{error}\n") from error
 
 
 async def _find(request: web.Request) -> PlacedFind:

@@ -20,11 +20,13 @@ from gcs_mosaic.web.api import (
     hints_dismissed,
     integral,
     layers,
+    looks,
     maps,
+    movers,
     reviews,
     scale,
 )
-from gcs_mosaic.web.api.common import POOL, THREADS, VIEW
+from gcs_mosaic.web.api.common import POOL, SLOW_POOL, THREADS, VIEW
 from gcs_mosaic.web.api.notes import add_notes
 from gcs_mosaic.web.api.operations import add_operations
 from gcs_mosaic.web.feed import Feed
@@ -32,6 +34,7 @@ from gcs_mosaic.web.feed import Feed
 ROOMS = (
     flight,
     frames,
+    looks,
     layers,
     finds,
     scale,
@@ -39,6 +42,7 @@ ROOMS = (
     hints,
     hints_dismissed,
     integral,
+    movers,
     anchors,
     maps,
     handed_over,
@@ -52,15 +56,18 @@ def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings
     """Answer questions about the flight in a folder."""
     app[VIEW] = FlightView(root)
     app[POOL] = ThreadPoolExecutor(THREADS, thread_name_prefix="api")
+    app[SLOW_POOL] = ThreadPoolExecutor(THREADS, thread_name_prefix="api slow")
     app.on_cleanup.append(_end)
     add_notes(app, app[VIEW], feed)
     hints.add_hints(app, settings)
     layers.keep_tiles(app)
     integral.add_lenses(app)
     frames.keep_pieces(app)
+    movers.keep_search(app)
     for room in ROOMS:
         add_operations(app, room.OPERATIONS)
 
 
 async def _end(app: web.Application) -> None:
-    app[POOL].shutdown(wait=False, cancel_futures=True)
+    for pool in (POOL, SLOW_POOL):
+        app[pool].shutdown(wait=False, cancel_futures=True)

@@ -7,6 +7,7 @@ import { openPanel } from "/viewer/panels.js";
 import { ChosenPlace } from "/viewer/pointing.js";
 import { fetchDocument } from "/viewer/server.js";
 import { written } from "/viewer/times.js";
+import { toast } from "/viewer/toast.js";
 import { t } from "/viewer/words.js";
 
 const CROP = 240; // px of the original
@@ -19,6 +20,7 @@ export class Finds {
     this.showOriginal = showOriginal;
     /** @type {Api.Find[]} */
     this.finds = [];
+    this.sendsCot = false; // whether the settings name somebody
     this.pins = L.layerGroup().addTo(map.map);
     this.chosen = new ChosenPlace(map);
     this.form = byId("finds-form");
@@ -41,6 +43,7 @@ export class Finds {
     const answer = await fetchDocument("/api/v1/finds").catch(() => null); // those that are shown stay
     if (!answer) return null;
     this.finds = answer.finds;
+    this.sendsCot = answer.cot;
     this.show();
     return answer.map_revision;
   }
@@ -85,8 +88,15 @@ export class Finds {
     const button = (label, action) => element("button", { type: "button", textContent: t(label), ariaLabel: `${t(label)}: ${nameOf(find)}`, onclick: action });
     const go = button("Show", () => this.goTo(find));
     go.dataset.find = find.id;
+    const atak = this.sendsCot && find.geo ? [button("Send to ATAK", () => this.send(find))] : [];
     return element("li", {}, ...picture, text, element("div", { className: "row" }, go, button("Original", () => this.open(find)),
-      button("Edit", () => this.edit(find)), button("Delete", () => this.remove(find))));
+      button("Edit", () => this.edit(find)), button("Delete", () => this.remove(find)), ...atak));
+  }
+
+  /** @param {Api.Find} find */
+  async send(find) {
+    const sent = await trying(byId("finds-said"), () => send("POST", `/finds/${find.id}/cot`));
+    if (sent) toast(t("Sent to {address}; nobody tells whether it came.", { address: sent.sent_to }));
   }
 
   /** @param {Api.Find} find */

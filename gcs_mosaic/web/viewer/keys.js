@@ -24,6 +24,7 @@ const KEYS = [
   ["+  −", "Nearer, farther", null],
   ["← ↑ → ↓", "Move the map; step through originals", null],
   ["b", "Blink between two originals", null],
+  ["s", "All looks at a place side by side", null],
   ["Esc", "End what was begun, close what is open", null],
 ];
 

@@ -8,6 +8,10 @@ import { LiveTiles, affectedBy } from "/viewer/tiles.js";
 import { said, t } from "/viewer/words.js";
 
 const LEGENDS_AGAIN_MS = 5000;
+const OPACITY = 0.6; // of the layer as a whole: its tiles overlap a little
+const ALL_AGAIN_MS = 4000; // after a change, for tiles near which nothing was painted
+const CHANGES = "changes"; // the layer that is compared while it is looked at: each question has some more frames compared
+const CHANGES_AGAIN_MS = 200;
 
 export class Layers {
   constructor(map) {
@@ -17,6 +21,8 @@ export class Layers {
     this.revision = 0; // of the map, which the layer's tiles are as new as
     /** @type {[number, number, number][] | null} */
     this.changed = []; // tiles of the map, since the layer's were asked for; null: any
+    this.timer = 0;
+    this.again = 0; // so that a browser does not take for the same what is asked for at the same revision
     this.showsGaps = true;
     this.gaps = 0;
     this.onGaps = () => {}; // called when their number has changed
@@ -73,6 +79,15 @@ export class Layers {
     this.tiles.grow(this.options);
     this.tiles.refresh(revision, this.changed ? affectedBy(this.changed) : () => true);
     this.changed = [];
+    this.timer ||= window.setTimeout(() => this.renewAll(), ALL_AGAIN_MS);
+  }
+
+  /** What is usual of an island, which colours go by, and frames that moved a little change tiles where nothing was painted. */
+  renewAll() {
+    clearTimeout(this.timer);
+    this.timer = 0;
+    this.again++;
+    this.tiles?.refresh(this.revision, () => true);
   }
 
   tellOld(isOld) {
@@ -94,10 +109,24 @@ export class Layers {
     const legend = this.legends.get(this.select.value);
     this.showLegend(legend);
     if (!legend || !this.island) return;
-    const path = (island, { z, x, y }, revision) => `/api/v1/layers/${legend.name}/${island}/${z}/${x}/${y}.png?r=${revision}`;
+    const path = (island, { z, x, y }, revision) => `/api/v1/layers/${legend.name}/${island}/${z}/${x}/${y}.png?r=${revision}${this.again ? `&again=${this.again}` : ""}`;
     this.changed = [];
-    this.tiles = new LiveTiles(path, this.island.id, this.revision, () => {}, { ...this.options, zIndex: 5, tileClass: "layer-tile" });
+    this.tiles = new LiveTiles(path, this.island.id, this.revision, () => {}, { ...this.options, zIndex: 5, opacity: OPACITY, tileClass: "layer-tile" });
     this.tiles.addTo(this.map);
+    if (legend.name === CHANGES) this.compare(this.tiles);
+  }
+
+  /** Have the flights compared for as long as these tiles are looked at. */
+  async compare(tiles) {
+    const about = byId("legend").querySelector("small");
+    for (let compared = 0, frames = 1; compared < frames && this.tiles === tiles; ) {
+      const answer = await fetchDocument(`/api/v1/islands/${this.island.id}/changes`).catch(() => null);
+      if (this.tiles !== tiles) return;
+      if (answer) ({ compared, frames } = answer);
+      about.textContent = compared < frames ? t("{n} of {all} frames are compared.", { n: compared, all: frames }) : t("Shadows and what stands up differ, too.");
+      if (compared < frames) await new Promise((done) => setTimeout(done, CHANGES_AGAIN_MS));
+    }
+    this.renewAll();
   }
 
   /** @param {Api.LayerLegend} legend */
@@ -105,7 +134,8 @@ export class Layers {
     const box = byId("legend");
     box.hidden = !legend;
     if (!legend) return;
-    const [title, worst, bar, best] = box.children;
+    const [title, worst, bar, best, about] = box.children;
+    about.textContent = "";
     title.textContent = t(legend.title);
     worst.textContent = t(legend.worst);
     best.textContent = t(legend.best);
@@ -123,7 +153,7 @@ export class Layers {
   async readGaps() {
     if (!this.island) return null;
     const island = this.island.id;
-    const answer = await fetchDocument(`/api/v1/islands/${island}/gaps`);
+    const answer = await fetchDocument(`/api/v1/islands/${island}/gaps?r=${Math.max(0, this.fresh.wanted)}`);
     if (!answer || island !== this.island.id) return null;
     this.renew(answer.map_revision);
     this.gaps = answer.gaps.length;

@@ -14,6 +14,7 @@ const ORIGIN = 2 ** 23 + 0.5; // canvas units from the grid's edge to the canvas
 const SHRINK_LEVELS = 1; // ... and out beyond the coarsest
 const ROOM_AROUND = 0.75; // of the island's size on each side: as far as one may move away
 const ZOOM_SNAP = 0.25;
+const OVERLAP_PX = 2; // on the screen, of tiles that are not shown pixel by pixel: one may be lost to rounding at either edge
 const ROOM_PX = 12; // about what is fitted into the pane
 const MAGNIFY_LEVELS = 3; // how far one may zoom in beyond the finest tiles
 
@@ -161,7 +162,7 @@ export class MosaicMap {
     const container = this.map.getContainer();
     container.classList.toggle("between-levels", !isPixelByPixel);
     const shownAt = 2 ** (zoom - Math.min(Math.max(Math.round(zoom), least), most)); // the browser's scale of a tile
-    container.style.setProperty("--overlap", `${1 / shownAt}px`);
+    container.style.setProperty("--overlap", `${OVERLAP_PX / shownAt}px`);
   }
 
   keepInView() {

@@ -3,6 +3,7 @@
 
 import { byId } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
+import { SideBySide } from "/viewer/sidebyside.js";
 import { written } from "/viewer/times.js";
 import { toast } from "/viewer/toast.js";
 import { t } from "/viewer/words.js";
@@ -31,12 +32,15 @@ export class Originals {
     this.found = [];
     this.at = 0; // which of them is shown
     this.before = 0; // which was shown before, to blink with
+    this.beside = new SideBySide((index) => this.chosen(index));
+    this.prefersBeside = false; // as it was looked at last
     const press = (id, action) => (byId(id).onclick = action);
     press("originals-close", () => this.close());
     press("originals-next", () => this.step(1));
     press("originals-previous", () => this.step(-1));
     press("originals-blink", () => this.show(this.before));
     press("originals-mark", () => this.mark());
+    press("originals-beside", () => this.setBeside(!this.prefersBeside));
     this.onMark = null; // called with { frame, pixel } of what is in the middle
     document.addEventListener("keydown", (event) => this.key(event));
     this.followSwipes(byId("originals-head"));
@@ -52,7 +56,7 @@ export class Originals {
     toast(t("Asking …"));
     for (let wait = SOON_MS; this.asked === asked; wait *= 2) {
       const wanted = this.mapRevision();
-      const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}`).catch(() => null);
+      const answer = await fetchDocument(`/api/v1/islands/${island}/sightings?x=${x}&y=${y}&r=${wanted}`).catch(() => null);
       if (this.asked !== asked) return;
       if (!answer) {
         toast(t("No answer: ask again once the connection is back."));
@@ -81,6 +85,26 @@ export class Originals {
     this.before = this.at;
     this.begin();
     this.show(this.at);
+    this.setBeside(this.prefersBeside);
+  }
+
+  /** All looks beside each other, or one of them. */
+  setBeside(isBeside) {
+    this.prefersBeside = isBeside;
+    byId("originals-beside").setAttribute("aria-pressed", String(isBeside));
+    byId("original").hidden = isBeside;
+    for (const name of ["previous", "next", "blink", "mark", "download"]) byId(`originals-${name}`).hidden = isBeside;
+    if (!isBeside) this.beside.hide();
+    if (!isBeside || !this.asked) return this.shown && this.tell(this.shown, this.at);
+    this.beside.show(this.asked, this.found, this.at);
+    return this.say(t("{all} looks at this place", { all: this.found.length }));
+  }
+
+  /** One of those beside each other is looked at alone. */
+  chosen(index) {
+    this.setBeside(false);
+    this.show(index);
+    byId("originals-beside").focus();
   }
 
   begin() {
@@ -103,7 +127,7 @@ export class Originals {
   }
 
   step(by) {
-    if (this.found.length) this.show((this.at + by + this.found.length) % this.found.length);
+    if (this.found.length && !this.beside.isOpen) this.show((this.at + by + this.found.length) % this.found.length);
   }
 
   /** Show one of them, the place in the middle, as large on the screen as it was in the one before. */
@@ -144,6 +168,7 @@ export class Originals {
   }
 
   tell(one, index) {
+    if (this.prefersBeside) return;
     const parts = [
       `${t("{n} of {all}", { n: index + 1, all: this.found.length })}: ${one.name}`,
       ...(one.time ? [t(one.time_by === "file" ? "came {time}" : "taken {time}", { time: written(one.time) })] : []),
@@ -168,13 +193,14 @@ export class Originals {
   close() {
     this.clear();
     this.asked = null;
+    this.beside.hide();
     this.box.hidden = true;
     byId("map").focus();
   }
 
   key({ key, target }) {
     if (!this.isOpen || target.matches?.("input, textarea, select")) return;
-    const action = { Escape: () => this.close(), ArrowRight: () => this.step(1), ArrowLeft: () => this.step(-1), b: () => this.show(this.before) }[key];
+    const action = { Escape: () => this.close(), s: () => this.setBeside(!this.prefersBeside), ArrowRight: () => this.step(1), ArrowLeft: () => this.step(-1), b: () => this.beside.isOpen || this.show(this.before) }[key];
     action?.();
   }
 

@@ -19,6 +19,7 @@ import { Look } from "/viewer/look.js";
 import { MosaicMap } from "/viewer/map.js";
 import { Measure } from "/viewer/measure.js";
 import { Mission } from "/viewer/mission.js";
+import { Movers } from "/viewer/movers.js";
 import { Novelty } from "/viewer/novelty.js";
 import { Originals } from "/viewer/originals.js";
 import { makePanels, togglePanel } from "/viewer/panels.js";
@@ -61,6 +62,7 @@ const absent = new Absent(map);
 const novelty = new Novelty(map);
 new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
 new Trees(map, pointing, measure, (island, x, y) => originals.ask(island, x, y));
+new Movers(map, (island, x, y, frame) => originals.ask(island, x, y, frame));
 originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();

@@ -1,0 +1,181 @@
+"""Who moves: tracks of things that change place between consecutive looks of a flight. Hints, and never a filter.
+
+Sought while somebody asks, a piece of work with each question, so that it costs nothing when nobody looks.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_mosaic.hints.moved_blobs import AROUND, moved_in
+from gcs_mosaic.hints.mover_tracks import Seen, tracks_of
+from gcs_mosaic.stitch.arrays import Array, FloatImage, PointsNx2
+from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of, places_of
+from gcs_mosaic.views.ground_window import GroundWindow, OnGround, flat_picture, laid
+
+BESIDE = (
+    3  # looks before and after one that it is compared with: with four fifths of overlap they see most of its ground
+)
+LONGER_SIDE = 1000  # cells of a frame's window at most
+FINEST = 2.0  # pixels of the frame that a cell is wide at least: what is compared lies apart by a pixel or two
+KEPT_PICTURES = 2 * BESIDE + 2  # of half a megapixel each, float32
+WORK_S = 1.0  # for each question; a frame that was begun is finished
+
+
+@dataclass(frozen=True, slots=True)
+class Movers:
+    """Tracks, each in order of time, as of a revision of the map; how many of an island's frames were searched, of how many."""
+
+    revision: int
+    tracks: Sequence[Sequence[Seen]]
+    searched: int
+    frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What one frame alone shows: pixels (n, 2) of it as it is painted, sizes in canvas units, contrasts.
+
+    `beside`: whom it was compared with.
+    """
+
+    beside: tuple[int, ...]
+    pixels: PointsNx2
+    per_pixel: float  # pixels of the original for each of these
+    sizes: Array
+    contrasts: Array
+
+
+class MoverSearch:
+    """Of one flight. Thread-safe; several who ask share the work."""
+
+    def __init__(self, view: FlightView) -> None:
+        self._view = view
+        self._lock = threading.Lock()
+        self._found: dict[int, _Found] = {}  # by the number of the frame
+        self._flat: OrderedDict[int, FloatImage] = OrderedDict()
+
+    def ask(self, island: int, work_s: float = WORK_S) -> Movers:
+        """What is known of an island, after so many seconds of further work; at once while another's question is worked on."""
+        table = self._view.table()
+        series = _series(table, island)
+        if self._lock.acquire(blocking=False):
+            try:
+                self._work(table, series, time.monotonic() + work_s)
+            finally:
+                self._lock.release()
+        return self._told(table, series)
+
+    def _work(self, table: FrameTable, series: Sequence[list[int]], end: float) -> None:
+        for indices in series:
+            for at, index in enumerate(indices):
+                number = table.frames[index].number
+                beside = [other for other in indices[max(0, at - BESIDE) : at + BESIDE + 1] if other != index]
+                numbers = tuple(table.frames[other].number for other in beside)
+                known = self._found.get(number)
+                if known is not None and known.beside == numbers:
+                    continue
+                if time.monotonic() >= end:
+                    return
+                self._found[number] = self._search(table, index, numbers)
+
+    def _search(self, table: FrameTable, index: int, beside: tuple[int, ...]) -> _Found:
+        number, nothing = table.frames[index].number, np.empty(0)
+        lies = self._lying(number)
+        window = _window_of(table, index)
+        own = None if lies is None or window is None else self._look(number, lies, window)
+        if lies is None or window is None or own is None:
+            return _Found(beside, np.empty((0, 2)), 1.0, nothing, nothing)
+        others = [
+            look
+            for other in beside
+            if (lying := self._lying(other)) is not None and (look := self._look(other, lying, window)) is not None
+        ]
+        blobs = moved_in(own, others)
+        places = np.array([window.place_of(one.column, one.row) for one in blobs]).reshape(-1, 2)
+        return _Found(
+            beside,
+            pixels_of(lies.painted, places),
+            (record.width / lies.painted.camera.width)
+            if (record := self._view.frame(number)) and record.width
+            else 1.0,
+            np.array([one.size * window.cell for one in blobs]),
+            np.array([one.contrast for one in blobs]),
+        )
+
+    def _lying(self, number: int) -> OnGround | None:
+        painted = self._view.painted(number)
+        return None if painted is None else OnGround(painted)
+
+    def _look(self, number: int, lies: OnGround, window: GroundWindow) -> FloatImage | None:
+        flat = self._picture(number, lies, window)
+        if flat is None:
+            return None
+        shown, seen = laid(lies, flat[..., None], window)
+        return np.where(seen, shown[..., 0], np.float32(np.nan)) if seen.any() else None
+
+    def _picture(self, number: int, lies: OnGround, window: GroundWindow) -> FloatImage | None:
+        """A frame `flattened`, about as fine as the window's cells; None if its original cannot be shown."""
+        if number in self._flat:
+            self._flat.move_to_end(number)
+            return self._flat[number]
+        flat = flat_picture(self._view, number, lies, window, AROUND)
+        if flat is None:
+            return None
+        self._flat[number] = flat
+        while len(self._flat) > KEPT_PICTURES:
+            self._flat.popitem(last=False)
+        return self._flat[number]
+
+    def _told(self, table: FrameTable, series: Sequence[list[int]]) -> Movers:
+        taken, tracks, searched = self._view.taken(table), list[list[Seen]](), 0
+        for indices in series:
+            times = taken[indices]
+            is_even = len(times) > 1 and bool(np.isfinite(times).all()) and bool((np.diff(times) > 0).all())
+            seen = list[Seen]()
+            for turn, index in enumerate(indices):
+                found = self._found.get(table.frames[index].number)
+                searched += found is not None
+                if found is not None:
+                    seen += self._seen(table.frames[index].number, found, turn, times[turn] if is_even else turn)
+            tracks += tracks_of(seen)
+        return Movers(table.revision, tracks, searched, sum(map(len, series)))
+
+    def _seen(self, number: int, found: _Found, turn: int, at: float) -> list[Seen]:
+        """Where the things of a frame lie now."""
+        painted = self._view.painted(number)
+        if painted is None or not len(found.pixels):
+            return []
+        places = places_of(painted, found.pixels)
+        originals = (found.pixels + 0.5) * found.per_pixel - 0.5
+        every = zip(places.tolist(), originals.tolist(), found.sizes.tolist(), found.contrasts.tolist(), strict=True)
+        return [
+            Seen(turn, float(at), x, y, size, contrast, number, (px, py))
+            for (x, y), (px, py), size, contrast in every
+            if np.isfinite(x)
+        ]
+
+
+def _series(table: FrameTable, island: int) -> list[list[int]]:
+    """Indices of an island's frames in order of capture, those of each aircraft for themselves."""
+    ours = [index for index, one in enumerate(table.frames) if one.island == island]
+    aircraft = sorted({table.frames[index].vehicle for index in ours}, key=lambda one: (one is not None, one))
+    return [
+        sorted((index for index in ours if table.frames[index].vehicle == one), key=lambda k: table.frames[k].order)
+        for one in aircraft
+    ]
+
+
+def _window_of(table: FrameTable, index: int) -> GroundWindow | None:
+    left, top, right, bottom = table.boxes[index].tolist()
+    one, longer = table.frames[index], max(right - left, bottom - top)
+    if not np.isfinite(longer) or longer <= 0:
+        return None
+    cell = max(FINEST * float(np.exp(one.pose.log_gsd)), longer / LONGER_SIDE)
+    return GroundWindow(left, top, cell, max(1, int((right - left) / cell)), max(1, int((bottom - top) / cell)))

@@ -1,0 +1,258 @@
+"""What changed between the flights of a merged map: each flight's picture of the ground, compared cell by cell.
+
+Made while somebody asks, some frames with each question. Things that stand up lean otherwise in another flight, and shadows move
+with the sun: it shows where the pictures differ, and not why.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from gcs_mosaic.stitch.arrays import AnyImage, Counts, FloatImage, Mask
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.folder import PROGRESS_NAME
+from gcs_mosaic.views.flight_view import FlightView, FrameTable
+from gcs_mosaic.views.ground_window import GroundWindow, OnGround, flat_picture, laid
+
+LONGER_SIDE = 3000  # cells of an island at most: two pictures of it take 50 MB
+FINEST = 2.0  # pixels of a usual frame that a cell is wide at least
+MISPLACED = 2  # cells by which two flights' pictures may lie apart
+AROUND = (
+    32.0  # cells of which the local mean is taken, see `flattened`: changes may be as large as a car, or a small house
+)
+RIM = 48  # cells from a frame's border within which it is not compared: the mean is one of one side only there (1.5 deviations)
+LEAST_CONTRAST = 0.15  # logarithm: so much brighter or darker than all that the other flight shows within MISPLACED
+NOISES = 4.0  # times the usual difference, where that is more
+LEAST_CELLS = 3
+MOST_AREAS = 200
+BAND = 512  # rows compared at a time
+SAMPLE = 97  # every so manieth cell tells the usual difference
+WORK_S = 1.0  # for each question; a frame that was begun is finished
+MOST_BYTES = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedArea:
+    """Canvas place of its middle, its area in canvas units squared, and how much brighter the later flight is (logarithm)."""
+
+    x: float
+    y: float
+    area: float
+    contrast: float
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """`strength`: how much an island's cells changed, in logarithms, positive where the later flight is brighter, 0 where nothing
+    is known to have changed; None while frames are left to be compared."""
+
+    revision: int
+    done: int
+    frames: int
+    window: GroundWindow | None = None
+    strength: FloatImage | None = None
+    areas: Sequence[ChangedArea] = ()
+
+
+@dataclass(slots=True)
+class _Island:
+    """Being compared: each flight's picture so far, and how deep within a frame each of its cells lies."""
+
+    revision: int
+    window: GroundWindow
+    left: list[tuple[int, int]]  # flight (0 earlier, 1 later), number of the frame
+    frames: int
+    pictures: list[AnyImage]  # float16
+    depths: list[AnyImage]  # uint16, cells
+    found: Compared | None = field(default=None)
+
+
+def merged_flights(view: FlightView, table: FrameTable) -> tuple[list[str], dict[int, int]]:
+    """Names of the flights that were merged, in order of time, and which of them took each frame by its number; empty if the map
+    is not one of several flights."""
+    if not _was_merged(view.root):
+        return [], {}
+    of = {one.number: one.name.split("/", 1)[0] for one in table.frames}
+    taken = view.taken(table)
+    times: dict[str, list[float]] = {}
+    for one, at in zip(table.frames, taken.tolist(), strict=True):
+        times.setdefault(of[one.number], []).append(at)
+    names = sorted(times, key=lambda name: (float(np.nan_to_num(np.median(times[name]))), name))
+    return (names, {number: names.index(name) for number, name in of.items()}) if len(names) > 1 else ([], {})
+
+
+class FlightChanges:
+    """Of one flight's folder: the last of the merged flights is compared with all before it. Thread-safe."""
+
+    def __init__(self, view: FlightView) -> None:
+        self._view = view
+        self._lock = threading.Lock()
+        self._island: tuple[int, _Island] | None = None  # the one that was asked for last
+
+    def ask(self, island: int, work_s: float = WORK_S) -> Compared:
+        """What is known of an island after some seconds of further work."""
+        with self._lock:
+            table = self._view.table()
+            one = self._begun(island, table)
+            if one is None:
+                return Compared(table.revision, 0, 0)
+            end = time.monotonic() + work_s
+            while one.left and time.monotonic() < end:
+                self._add(one, *one.left.pop(0))
+            if one.left:
+                return Compared(one.revision, one.frames - len(one.left), one.frames)
+            if one.found is None:
+                one.found = _compared(one)
+                one.pictures, one.depths = [], []
+            return one.found
+
+    def known(self, island: int) -> Compared | None:
+        """What has been compared whole; None before."""
+        known = self._island
+        return known[1].found if known is not None and known[0] == island else None
+
+    def _begun(self, island: int, table: FrameTable) -> _Island | None:
+        if self._island is not None and self._island[0] == island and self._island[1].revision == table.revision:
+            return self._island[1]
+        names, of = merged_flights(self._view, table)
+        ours = np.flatnonzero((table.islands == island) & np.isfinite(table.boxes).all(axis=1))
+        if not names or not len(ours):
+            return None
+        window = _window_over(table, ours)
+        numbers = [table.frames[int(index)].number for index in ours]
+        left = [(int(of[number] == len(names) - 1), number) for number in numbers]
+        shape = window.rows, window.columns
+        pictures = [np.zeros(shape, np.float16) for _ in range(2)]
+        depths = [np.zeros(shape, np.uint16) for _ in range(2)]
+        begun = _Island(table.revision, window, left, len(left), pictures, depths)
+        self._island = island, begun
+        return begun
+
+    def _add(self, one: _Island, flight: int, number: int) -> None:
+        """Lay a frame on its flight's picture, where no other frame has a place deeper within it."""
+        painted = self._view.painted(number)
+        box = None if painted is None else _rows_columns(one.window, self._view.table(), number)
+        if painted is None or box is None:
+            return
+        (top, bottom), (left, right) = box
+        part = GroundWindow(*_corner(one.window, left, top), one.window.cell, right - left, bottom - top)
+        flat = flat_picture(self._view, number, OnGround(painted), part, AROUND)
+        if flat is None:
+            return
+        shown, seen = laid(OnGround(painted), flat[..., None], part)
+        depth = cv2.distanceTransform(np.pad(seen.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
+        there = np.s_[top:bottom, left:right]
+        better = depth > one.depths[flight][there]
+        one.depths[flight][there][better] = np.minimum(np.ceil(depth[better]), 65535).astype(np.uint16)
+        one.pictures[flight][there][better] = shown[..., 0][better]
+
+
+def _compared(one: _Island) -> Compared:
+    both = (one.depths[0] > RIM) & (one.depths[1] > RIM)
+    strength = np.zeros(both.shape, np.float32)
+    if both.any():
+        for rows, wide in _bands(one.window.rows):
+            earlier, later = (_with_nothing(picture[wide], depth[wide]) for picture, depth in _parts(one))
+            inner = slice(rows.start - wide.start, rows.stop - wide.start)
+            strength[rows] = _beyond(earlier, later)[inner]
+        strength[~both | (np.abs(strength) < _least(one, both))] = 0
+    kept, areas = _areas(strength, one.window)
+    return Compared(one.revision, one.frames, one.frames, one.window, kept, areas)
+
+
+def _parts(one: _Island) -> Iterator[tuple[AnyImage, AnyImage]]:
+    return zip(one.pictures, one.depths, strict=True)
+
+
+def _bands(rows: int) -> Iterator[tuple[slice, slice]]:
+    """Slices of rows, and those with what lies around them."""
+    for top in range(0, rows, BAND):
+        bottom = min(top + BAND, rows)
+        yield slice(top, bottom), slice(max(0, top - MISPLACED), min(rows, bottom + MISPLACED))
+
+
+def _with_nothing(picture: AnyImage, depth: AnyImage) -> FloatImage:
+    return np.asarray(np.where(depth > 0, picture.astype(np.float32), np.nan), np.float32)
+
+
+def _beyond(earlier: FloatImage, later: FloatImage) -> FloatImage:
+    """How far the later picture (h, w) lies beyond all that the earlier one shows within MISPLACED cells, or the earlier one
+    beyond the later; signed as later less earlier."""
+    added, gone = _out_of(later, earlier), -_out_of(earlier, later)
+    return np.where(np.abs(added) >= np.abs(gone), added, gone)
+
+
+def _out_of(one: FloatImage, other: FloatImage) -> FloatImage:
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * MISPLACED + 1,) * 2)
+    high, low = cv2.dilate(np.nan_to_num(other, nan=-9.0), disc), cv2.erode(np.nan_to_num(other, nan=9.0), disc)
+    here = np.nan_to_num(one)
+    return np.asarray(np.maximum(here - high, 0) - np.maximum(low - here, 0), np.float32)
+
+
+def _least(one: _Island, both: Mask) -> float:
+    """From which contrast on two pictures differ by more than they usually do."""
+    rows, columns = (where[::SAMPLE] for where in np.nonzero(both))
+    apart = one.pictures[1][rows, columns].astype(np.float32) - one.pictures[0][rows, columns]
+    return max(LEAST_CONTRAST, NOISES * 1.4826 * float(np.median(np.abs(apart - np.median(apart)))))
+
+
+def _areas(strength: FloatImage, window: GroundWindow) -> tuple[FloatImage, list[ChangedArea]]:
+    """The strength without specks, and the areas that are left, the largest first."""
+    count, labels, facts, middles = cv2.connectedComponentsWithStats((strength != 0).astype(np.uint8), connectivity=8)
+    cells = facts[:, cv2.CC_STAT_AREA]
+    is_large = cells >= LEAST_CELLS
+    is_large[0] = False
+    sums = np.bincount(labels.ravel(), weights=strength.ravel(), minlength=count)
+    largest = [int(label) for label in np.argsort(-cells) if is_large[label]][:MOST_AREAS]
+    areas = [
+        ChangedArea(
+            *window.place_of(*middles[label].tolist()),
+            float(cells[label]) * window.cell**2,
+            float(sums[label] / cells[label]),
+        )
+        for label in largest
+    ]
+    return np.where(is_large[labels], strength, np.float32(0)), areas
+
+
+def _window_over(table: FrameTable, ours: Counts) -> GroundWindow:
+    """Over all frames; one that sees the horizon reaches any distance, and must not spoil the grid."""
+    boxes = table.boxes[ours]
+    (left, top), (right, bottom) = np.quantile(boxes[:, :2], 0.02, axis=0), np.quantile(boxes[:, 2:], 0.98, axis=0)
+    gsd = float(np.median([np.exp(table.frames[int(index)].pose.log_gsd) for index in ours]))
+    cell = max(FINEST * gsd, (right - left) / LONGER_SIDE, (bottom - top) / LONGER_SIDE)
+    return GroundWindow(float(left), float(top), cell, int((right - left) / cell) + 1, int((bottom - top) / cell) + 1)
+
+
+def _rows_columns(
+    window: GroundWindow, table: FrameTable, number: int
+) -> tuple[tuple[int, int], tuple[int, int]] | None:
+    """Rows and columns of a window that a frame's box takes; None for none."""
+    boxes = [table.boxes[index] for index, one in enumerate(table.frames) if one.number == number]
+    if not boxes or not np.isfinite(boxes[0]).all():
+        return None
+    left, top, right, bottom = ((boxes[0] - [window.left, window.top] * 2) / window.cell).tolist()
+    columns = max(0, int(left)), min(window.columns, int(right) + 1)
+    rows = max(0, int(top)), min(window.rows, int(bottom) + 1)
+    return (rows, columns) if rows[0] < rows[1] and columns[0] < columns[1] else None
+
+
+def _corner(window: GroundWindow, column: int, row: int) -> tuple[float, float]:
+    return window.left + column * window.cell, window.top + row * window.cell
+
+
+def _was_merged(root: Path) -> bool:
+    try:
+        with inside.reading(root / PROGRESS_NAME, root) as file:
+            told = json.loads(file.read(MOST_BYTES))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(told, dict) and told.get("command") == "merge"

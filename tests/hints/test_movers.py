@@ -1,0 +1,99 @@
+"""What changes place from look to look is found as a track; what lies still, brightens, or lies a little off, is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs_mosaic.hints.mover_tracks import Seen, tracks_of
+from gcs_mosaic.hints.movers import Movers, MoverSearch
+from gcs_mosaic.stitch.arrays import ImageBGR
+from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.views.flight_view import FlightView
+from tests.views.drawn_flight import Drawn, Things, drawn_flight, laid_at
+
+LOOKS = 7
+STEP = 40.0  # canvas units between looks: each ground is seen by six of them
+LIGHTS = (1.0, 1.0, 0.6, 0.6, 1.2, 1.0, 0.8)
+
+
+def flight(root: Path, things: list[Things], off: float = 0.0) -> FlightView:
+    frames = [
+        Drawn(f"{n}.png", Pose(150.0 + STEP * n, 250.0, yaw=0.1 * (n % 3)), LIGHTS[n], things[n]) for n in range(LOOKS)
+    ]
+    return FlightView(drawn_flight(root / "flight", frames, off))
+
+
+def searched(view: FlightView) -> Movers:
+    search = MoverSearch(view)
+    found = search.ask(0)
+    while found.searched < found.frames:
+        found = search.ask(0)
+    return found
+
+
+def both(*things: Things) -> Things:
+    def lay(ground: ImageBGR) -> None:
+        for thing in things:
+            thing(ground)
+
+    return lay
+
+
+@pytest.mark.long
+def test_who_walks_is_one_track_with_times_and_places(tmp_path: Path) -> None:
+    ways = [(200.0 + 24 * n, 240.0 + 6 * n) for n in range(LOOKS)]
+    still, dark = laid_at(300, 300, 5), laid_at(260, 200, 5, (10, 10, 10))
+    found = searched(flight(tmp_path, [both(laid_at(*way), still, dark) for way in ways], off=1.0))
+    (track,) = found.tracks
+    assert len(track) >= 5
+    for one in track:
+        assert np.hypot(*np.subtract((one.x, one.y), ways[one.turn])) < 5
+        assert one.contrast > 0
+    assert [one.time for one in track] == sorted(one.time for one in track)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("off", [0.0, 1.5])
+def test_where_nothing_moves_nothing_is_found(tmp_path: Path, off: float) -> None:
+    """Light changes, frames lie a pixel or two beside where they are told to, small things lie still."""
+    still = both(*(laid_at(180 + 30 * k, 200 + 17 * (k % 5), 3) for k in range(8)))
+    assert searched(flight(tmp_path, [still] * LOOKS, off)).tracks == []
+
+
+@pytest.mark.long
+def test_a_question_works_for_a_while_and_the_next_goes_on(tmp_path: Path) -> None:
+    search = MoverSearch(flight(tmp_path, [laid_at(0, 0)] * LOOKS))
+    assert search.ask(0, work_s=0.0).searched == 0
+    while (found := search.ask(0, work_s=0.01)).searched < LOOKS:
+        assert found.frames == LOOKS
+    assert search.ask(5).frames == 0
+
+
+@pytest.mark.long
+def test_an_original_that_is_gone_stops_nothing(tmp_path: Path) -> None:
+    view = flight(tmp_path, [laid_at(200.0 + 24 * n, 240.0) for n in range(LOOKS)])
+    (view.root / "frames" / "3.png").unlink()
+    assert searched(view).searched == LOOKS
+
+
+def seen(turn: int, x: float, contrast: float = 1.0, size: float = 4.0) -> Seen:
+    return Seen(turn, float(turn), x, 0.0, size, contrast, turn, (0.0, 0.0))
+
+
+def test_a_track_is_an_even_way_of_things_that_are_alike() -> None:
+    walk = [seen(turn, 20.0 * turn) for turn in range(4)]
+    assert tracks_of(walk) == [walk]
+    swaying = [seen(turn, 20.0 * turn + (3.0 if turn == 2 else 0.0)) for turn in range(6)]
+    assert tracks_of(swaying) == [swaying]  # wherever its evenest part is
+    for spoilt in (
+        [seen(0, 0), seen(1, 20), seen(2, 75)],  # not even
+        [seen(0, 0), seen(1, 20, -1.0), seen(2, 40)],  # bright, dark, bright
+        [seen(0, 0), seen(1, 20, size=12.0), seen(2, 40)],  # of another size
+        [seen(0, 0), seen(1, 2), seen(2, 4)],  # at one place
+        [seen(0, 0), seen(1, 20)],  # two only
+        [seen(0, 0), seen(1, 80), seen(2, 160)],  # faster than anybody
+    ):
+        assert tracks_of(spoilt) == []
