@@ -40,17 +40,14 @@ def url(flown: Path) -> Iterator[str]:
 
 
 def seen_by(flight: Path, least: int, most: int) -> tuple[int, float, float]:
-    """An island and a place on it that so many frames see, of a grid over it."""
+    """An island and a place on it that so many frames see, of a grid over it, which is near the border of none."""
     table = FlightView(flight).table()
     island = int(table.islands[0])
     low, high = np.nanmin(table.boxes[:, :2], axis=0), np.nanmax(table.boxes[:, 2:], axis=0)
     for x in np.linspace(low[0], high[0], 40):
         for y in np.linspace(low[1], high[1], 40):
-            if (
-                least
-                <= sum(cv2.pointPolygonTest(one.astype(np.float32), (x, y), True) > 20 for one in table.outlines)
-                <= most
-            ):
+            inside = [cv2.pointPolygonTest(one.astype(np.float32), (x, y), True) for one in table.outlines]
+            if min(map(abs, inside)) > 15 and least <= sum(one > 0 for one in inside) <= most:
                 return island, float(x), float(y)
     raise AssertionError("no such place")
 
