@@ -101,7 +101,7 @@ def shown(values: FloatImage, *, stretched: bool) -> AnyImage:
     if stretched or values.shape[2] == 1:
         low, high = (float(one) for one in np.quantile(known, (BLACK, WHITE)))
     levels = (np.nan_to_num(values, nan=low) - low) * (255 / max(high - low, 1e-3))
-    return np.clip(levels + 0.5, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(levels + 0.5, 0, 255).astype(np.uint8))
 
 
 def as_jpeg(view: LensView, form: str) -> bytes:

@@ -30,8 +30,8 @@ def seen(pose: Pose, texture: Noise, height: float) -> Noise:
     drop = (1 - height) * ABOVE / CAMERA.focal_px
     x = pose.x + (columns - CAMERA.principal_point[0]) * drop
     y = pose.y + (rows - CAMERA.principal_point[1]) * drop
-    places = [np.asarray((one + 256) % 512, np.float32) for one in (x, y)]
-    return np.asarray(cv2.remap(texture, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
+    across, down = (np.asarray((one + 256) % 512, np.float32) for one in (x, y))
+    return np.asarray(cv2.remap(texture, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
 
 
 def looks(ground: float | None, crowns: float | None, cover: float = 0.5) -> list[GroundLook]:

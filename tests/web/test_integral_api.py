@@ -75,6 +75,7 @@ def test_a_click_alone_is_in_focus_at_the_ground(url: str, flown: Path) -> None:
     blurred = ask(url, island, x=x, y=y, cells=128, height=0.06)
     assert blurred["ground"] == told["ground"]  # the lens is the same one
     other = cv2.imdecode(np.frombuffer(base64.b64decode(blurred["picture"]), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert other is not None
     assert cv2.Laplacian(other, cv2.CV_64F).std() < cv2.Laplacian(picture, cv2.CV_64F).std()
     narrow = ask(url, island, x=x, y=y, cells=128, height=0, aperture=0)
     assert narrow["looks"] < told["looks"]
