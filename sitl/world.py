@@ -31,6 +31,7 @@ from .ground.quarter import BARRACKS, QUARTER, raise_blocks
 from .ground.raster import Field, Image
 from .ground.shapes import Land
 from .ground.snow import paint_snow
+from .ground.standing import raise_standing
 from .ground.suburb import raise_suburb
 from .ground.water import paint_water
 from .ground.woods import paint_floor, raise_woods
@@ -147,6 +148,7 @@ RAISED: dict[str, Callable[[int, int, float], tuple[Image, Field]]] = {
     "quarter": lambda seed, size, gsd: raise_blocks(QUARTER, seed, size, gsd),
     "barracks": lambda seed, size, gsd: raise_blocks(BARRACKS, seed, size, gsd),
     "suburb": raise_suburb,
+    "standing": raise_standing,
 }  # grounds with a picture and the heights of the objects, on a plane
 LAKE = "lake"  # a plane with water and moving waves
 WOODS = "woods"  # crowns on a plane that sway in the wind

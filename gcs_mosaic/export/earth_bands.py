@@ -24,6 +24,7 @@ from gcs_mosaic.geotiles.warp import warped, windows
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.arrays import AnyImage, FloatImage
 from gcs_mosaic.views.hole_filling import filled_picture
+from gcs_mosaic.views.thermal_scale import common_unit
 
 KEPT = 48  # filled tiles in memory: 2 MB each with eight bands
 FULL = 255  # coverage of what was seen wholly
@@ -44,7 +45,8 @@ def painted_again(found: EarthMap, target: Path, *, gains: bool) -> Iterator[Ban
             for number, source in sources.items()
         }
         told = "".join(left_out(source) for source in sources.values())
-        yield Bandwise(_Drawing(found, islands, bands, kind).draw, bands, kind, told)
+        unit = common_unit(found.view, list(sources))
+        yield Bandwise(_Drawing(found, islands, bands, kind).draw, bands, kind, told, unit)
 
 
 class _Drawing:

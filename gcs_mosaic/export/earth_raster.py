@@ -22,8 +22,9 @@ from gcs_mosaic.export.cog_layout import as_cog
 from gcs_mosaic.export.earth_map import EarthMap, check_mercator, left_out_words
 from gcs_mosaic.export.earth_tiles import Progress
 from gcs_mosaic.export.export import MOST_PIXELS
-from gcs_mosaic.export.raster_file import BIG, GDAL_NODATA, UNASSOCIATED_ALPHA
+from gcs_mosaic.export.raster_file import BIG, GDAL_METADATA, GDAL_NODATA, UNASSOCIATED_ALPHA, unit_items
 from gcs_mosaic.export.whole_file import whole_file
+from gcs_mosaic.frames.temperature import CountUnit
 from gcs_mosaic.geo.mercator import HALF_WORLD_M, mercator, resolution_m
 from gcs_mosaic.geo.transverse_mercator import LATITUDES_DEG, zone_of
 from gcs_mosaic.geotiles.earth_islands import Bounds, bounds_of
@@ -35,7 +36,6 @@ Crs: TypeAlias = Literal["EPSG:3857", "utm"]
 Draw: TypeAlias = Callable[[PictureGrid], AnyImage | None]
 
 SIDE = 512  # px of the file's tiles
-GDAL_METADATA = 42112  # tag: an XML text
 PIXEL_SCALE, TIE_POINT, GEO_KEYS = 33550, 33922, 34735
 # GeoTIFF keys: model type projected, pixels are areas, the projected system by its EPSG code, metres.
 MODEL_TYPE, RASTER_TYPE, PROJECTED, LINEAR_UNITS = 1024, 1025, 3072, 3076
@@ -50,6 +50,7 @@ class Bandwise:
     bands: int
     kind: np.dtype[Any]
     told: str = ""  # of frames that were left out
+    unit: CountUnit | None = None  # of the first band
 
 
 def export_raster(
@@ -192,16 +193,17 @@ def _tags(found: EarthMap, grid: PictureGrid, pixels: Bandwise) -> list[tuple[An
         (PIXEL_SCALE, "d", 3, (across, down, 0.0), True),
         (TIE_POINT, "d", 6, (0.0, 0.0, 0.0, west, north, 0.0), True),
         (GEO_KEYS, "H", len(directory), tuple(directory), True),
-        (GDAL_METADATA, "s", 0, _metadata(found), True),
+        (GDAL_METADATA, "s", 0, _metadata(found, pixels.unit), True),
     ]
     # With other numbers of bands many programs ignore the alpha band, but they know this tag.
     return tags if pixels.bands in (1, 3) else [*tags, (GDAL_NODATA, "s", 0, "0", True)]
 
 
-def _metadata(found: EarthMap) -> str:
+def _metadata(found: EarthMap, unit: CountUnit | None) -> str:
     about = found.about()
     items = {name: value if isinstance(value, str) else json.dumps(value) for name, value in about.items()}
     rows = "".join(f'<Item name="{name.upper()}">{escape(value)}</Item>' for name, value in items.items())
+    rows += unit_items(unit)
     return f"<GDALMetadata>{rows}</GDALMetadata>".encode("ascii", "xmlcharrefreplace").decode()
 
 

@@ -16,8 +16,11 @@ from gcs_mosaic.export.export import MOST_PIXELS, chosen_island
 from gcs_mosaic.export.raster_file import Region, write_raster
 from gcs_mosaic.export.rebuild import RebuildSource, RebuiltTiles, rebuilt, source_of
 from gcs_mosaic.export.whole_file import whole_file
+from gcs_mosaic.frames.temperature import CountUnit
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, level_from_canvas, pixel_size, tile_box, tile_range
 from gcs_mosaic.store.folder import find_flight
+from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.views.thermal_scale import common_unit
 from gcs_mosaic.views.tile_reader import level_within
 
 
@@ -31,6 +34,7 @@ def export_tiff(
     folder = find_flight(flight)
     source = source_of(folder, chosen_island(folder, island)["id"])
     bands, kind = bands_of(source)
+    unit = common_unit(FlightView(folder), [source.frames[0].island])
     with (
         whole_file(target) as beside,
         rebuilt(source, "gained" if gains else "raw", target.resolve().parent) as tiles,
@@ -38,12 +42,12 @@ def export_tiff(
         extent = tiles.extent
         zoom = level_within(extent.box, MOST_PIXELS, extent.finest) if level is None else level
         region = region_of(extent.box, zoom)
-        write_raster(beside, tiles, region, bands, kind, _about(tiles, region, gains))
+        write_raster(beside, tiles, region, bands, kind, _about(tiles, region, gains), unit)
     finer = f"; --zoom {extent.finest} is the finest" if zoom < extent.finest else ""
     return (
         f"island {tiles.island} at level {zoom}, {region.width} x {region.height} pixels, {bands} "
         f"{'band' if bands == 1 else 'bands'} of {8 * kind.itemsize} bits and transparency, "
-        f"{'with gains' if gains else 'without gains'}, written to {target}{finer}{left_out(source)}"
+        f"{unit_words(unit)}{'with gains' if gains else 'without gains'}, written to {target}{finer}{left_out(source)}"
     )
 
 
@@ -63,6 +67,11 @@ def bands_of(source: RebuildSource) -> tuple[int, np.dtype[Any]]:
     if image is None:
         raise UsageError(f"the original of {source.frames[0].name} cannot be read any more.")
     return image.shape[2], image.dtype
+
+
+def unit_words(unit: CountUnit | None) -> str:
+    """What counts are, within a message."""
+    return "" if unit is None else f"degrees Celsius = {unit.per_count:g} x count {unit.at_zero:+g}, "
 
 
 def _about(tiles: RebuiltTiles, region: Region, gains: bool) -> dict[str, Any]:

@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import tifffile
 
+from gcs_mosaic.frames.temperature import CountUnit
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.views.hole_filling import Tiles, filled_picture
 
 BIG = 3_900_000_000  # bytes before compression beyond which 32-bit offsets might not suffice
-GDAL_NODATA = 42113  # tag: the nodata value, as text
+GDAL_METADATA, GDAL_NODATA = 42112, 42113  # tags: an XML text; the nodata value, as text
 UNASSOCIATED_ALPHA = 2  # of TIFF's ExtraSamples
 
 
@@ -28,12 +29,29 @@ class Region(NamedTuple):
     height: int
 
 
+def unit_items(unit: CountUnit | None) -> str:
+    """What GDAL reads of the first band: counts times scale plus offset are degrees Celsius."""
+    if unit is None:
+        return ""
+    said = {"unittype": "degC", "scale": f"{unit.per_count:.15g}", "offset": f"{unit.at_zero:.15g}"}
+    said["description"] = "Temperature as the camera tells it"
+    return "".join(
+        f'<Item name="{role.upper()}" sample="0" role="{role}">{value}</Item>' for role, value in said.items()
+    )
+
+
 def write_raster(
-    path: Path, tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any], about: dict[str, Any]
+    path: Path,
+    tiles: Tiles,
+    region: Region,
+    bands: int,
+    kind: np.dtype[Any],
+    about: dict[str, Any],
+    unit: CountUnit | None = None,
 ) -> None:
     """Write a region's bands, three as red, green and blue, others in their order, and the coverage as the last one.
 
-    Only one tile is in memory at a time. `about`: metadata, as JSON. OSError if it cannot be written.
+    Only one tile is in memory at a time. `about`: metadata, as JSON; `unit` of the first band. OSError if it cannot be written.
     """
     size = region.width * region.height * (bands + 1) * kind.itemsize
     tifffile.imwrite(
@@ -49,10 +67,14 @@ def write_raster(
         predictor=True,
         bigtiff=size > BIG,
         # With other numbers of bands many programs ignore the alpha band, but they know this tag.
-        extratags=[] if bands in (1, 3) else [(GDAL_NODATA, "s", 0, "0", True)],
+        extratags=[*_units(unit), *([] if bands in (1, 3) else [(GDAL_NODATA, "s", 0, "0", True)])],
         metadata=None,
         description=json.dumps(about),
     )
+
+
+def _units(unit: CountUnit | None) -> list[tuple[int, str, int, str, bool]]:
+    return [(GDAL_METADATA, "s", 0, f"<GDALMetadata>{unit_items(unit)}</GDALMetadata>", True)] if unit else []
 
 
 def _tiles(tiles: Tiles, region: Region, bands: int, kind: np.dtype[Any]) -> Iterator[Bands]:

@@ -1,6 +1,7 @@
 """Capture time by the camera's clock: EXIF's DateTimeOriginal and SubSecTimeOriginal of a JPEG or a TIFF.
 
-Used only to order frames, to find the trigger of each, and to tell people when it was taken. Sources: EXIF 2.32, TIFF 6.0,
+Used only to order frames, to find the trigger of each, and to tell people when it was taken; and the texts of a TIFF's first
+directory, for `temperature`. Sources: EXIF 2.32, TIFF 6.0,
 ITU-T T.81, annex B, and the BigTIFF of libtiff.
 """
 
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from io import SEEK_END, BytesIO
@@ -19,6 +20,8 @@ from gcs_mosaic.frames.structure import StructureError, unpack
 
 _EXIF_DIRECTORY, _DATE_TIME_ORIGINAL, _SUB_SECONDS = 0x8769, 0x9003, 0x9291
 _TEXT = 2  # field type
+_BYTES = {1, 2, 7}  # those of single bytes: BYTE, ASCII, UNDEFINED
+_OFFSETS = {4: "I", 8: "Q"}  # by the size of an entry's value: TIFF, BigTIFF
 _POINTERS = {4: "I", 13: "I", 16: "Q", 18: "Q"}  # LONG, IFD, and BigTIFF's LONG8 and IFD8: their struct formats
 _DATE = re.compile(r"(\d{4}):(\d\d):(\d\d) (\d\d):(\d\d):(\d\d)", re.ASCII)
 _APP1, _START_OF_SCAN, _END = 0xE1, 0xDA, 0xD9
@@ -26,6 +29,7 @@ _APP1, _START_OF_SCAN, _END = 0xE1, 0xDA, 0xD9
 MOST_SEGMENTS = 64  # before a JPEG's image data; cameras write fewer than ten
 MOST_ENTRIES = 512  # of a directory; cameras write a few dozen
 LONGEST_TEXT = 64  # bytes; a date has 20
+LONGEST_DOCUMENT = 1 << 18  # bytes of one text of `first_texts`: an XMP packet has a few thousand
 
 
 def capture_time(path: Path, note: Callable[[str], None] = lambda text: None) -> datetime | None:
@@ -53,6 +57,25 @@ def captured_in(file: BinaryIO) -> float | None:
     except StructureError:
         return None
     return None if moment is None else moment.replace(tzinfo=UTC).timestamp()
+
+
+def first_texts(file: BinaryIO, tags: Sequence[int]) -> dict[int, str]:
+    """Texts of an open TIFF's first directory by tag, those that are there. Raises OSError and StructureError."""
+    file.seek(0)
+    if not file.read(4).startswith((b"II", b"MM")):
+        return {}
+    block = _Block(file, 0, file.seek(0, SEEK_END))
+    order, entries = _first_directory(block)
+    found: dict[int, str] = {}
+    for tag in tags:
+        kind, count, value = entries.get(tag, (0, 0, b""))
+        if kind not in _BYTES or count > LONGEST_DOCUMENT:
+            continue
+        if count > len(value):
+            (at,) = unpack(order + _OFFSETS[len(value)], value, 0)
+            value = block.read(at, count)
+        found[tag] = value[:count].split(b"\0")[0].decode("utf-8", "replace")
+    return found
 
 
 def _of_file(file: BinaryIO) -> datetime | None:
@@ -99,7 +122,8 @@ def _of_jpeg(file: BinaryIO) -> datetime | None:
     return None
 
 
-def _of_tiff(block: _Block) -> datetime | None:
+def _first_directory(block: _Block) -> tuple[str, dict[int, _Entry]]:
+    """Byte order, and the entries of the first directory."""
     head = block.read(0, 8)
     order = "<" if head.startswith(b"II") else ">"
     kind, first = unpack(order + "HI", head, 2)
@@ -107,13 +131,17 @@ def _of_tiff(block: _Block) -> datetime | None:
         (first,) = unpack(order + "Q", block.read(8, 8), 0)
     elif kind != 42:
         raise StructureError("damaged: neither TIFF nor BigTIFF")
-    outer = _directory(block, order, first, big=kind == 43)
+    return order, _directory(block, order, first, big=kind == 43)
+
+
+def _of_tiff(block: _Block) -> datetime | None:
+    order, outer = _first_directory(block)
     if _EXIF_DIRECTORY not in outer:
         return None
     kind_of, _, value = outer[_EXIF_DIRECTORY]
     if kind_of not in _POINTERS:
         return None
-    inner = _directory(block, order, *unpack(order + _POINTERS[kind_of], value, 0), big=kind == 43)
+    inner = _directory(block, order, *unpack(order + _POINTERS[kind_of], value, 0), big=len(value) == 8)
     date, fraction = (_text(block, order, inner.get(tag)) for tag in (_DATE_TIME_ORIGINAL, _SUB_SECONDS))
     return _moment(date, fraction)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.render.display import Display
+from gcs_mosaic.render.exposure import is_false_colour
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.saliency import LEAST_CONTRAST, POOL, REACH, TALL, greatest_contrast, saliency
 from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Planes, PlaneStack
@@ -36,7 +37,7 @@ class BlendMaps:
     """Maps over a whole frame (rows, columns, ...), each of its own size.
 
     `planes`: uint8 in groups of at most four channels. `detail` (rows, columns): grey levels. `tone` (rows, columns, 4): local
-    mean colour (b, g, r), and how far things may affect it.
+    mean colour (b, g, r), and how far things may affect it; None where tones are not to be shifted.
     """
 
     of: Of
@@ -102,11 +103,13 @@ def detail_of(look: ImageBGR) -> Map:
     return np.asarray(cv2.blur(mean, (around, around)), dtype=np.float16)
 
 
-def tone_of(look: ImageBGR, things: Sequence[ImageGrey]) -> Map:
+def tone_of(look: ImageBGR, things: Sequence[ImageGrey]) -> Map | None:
     """Local mean colour of the ground (of things only where there is nothing else), and log2 of 1 + the greatest contrast of a
-    thing, in units of the minimum."""
+    thing, in units of the minimum. None of a palette's colours: a shift would make another temperature of them."""
     size, box, side = coarse_size(look), (TONE_BLUR, TONE_BLUR), TONE_SHRINK * TONE_BLUR // POOL | 1
     small, contrast = cv2.resize(look, size, interpolation=cv2.INTER_AREA).astype(np.float32), np.max(things, axis=0)
+    if is_false_colour(small):
+        return None
     ground = cv2.resize((contrast == 0).astype(np.float32), size, interpolation=cv2.INTER_AREA) + np.float32(
         LEAST_GROUND
     )

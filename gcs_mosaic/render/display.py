@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.counts_range import BRIGHT, HEADROOM, Counts, Knot, Sketch, fitted_range, sample_of, sketch_of
+from gcs_mosaic.render.exposure import is_false_colour
 from gcs_mosaic.stitch.arrays import Band, Bands, FloatImage, ImageBGR, ImageGrey, Levels, LookupTable
 
 MIDDLE = 100.0  # grey levels; a frame with a lower median is dark, and its median is mapped to this
@@ -136,8 +137,9 @@ def display_of(image: Bands, chosen: Sequence[int] = (), *, lighten: bool = Fals
     `lighten`: if this frame is dark, its median is mapped to a middle grey; nothing is darkened."""
     black, white, knots = fitted_range([] if image.dtype == np.uint8 else [sketch_of(image)], image.shape[2])
     display = Display(_shown(image.shape[2], chosen), black, white, knots=knots)
-    if lighten:
-        factor, gamma = _light(display.picture(sample_of(image)))
+    picture = display.picture(sample_of(image)) if lighten else None
+    if picture is not None and not is_false_colour(picture):  # a palette's colours mean something
+        factor, gamma = _light(picture)
         display = replace(display, factor=factor, gamma=gamma)
     return display
 

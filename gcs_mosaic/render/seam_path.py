@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells, Owned
+from gcs_mosaic.render.whole_things import as_wholes
 from gcs_mosaic.stitch.arrays import FrameNumbers, Indices, Lattice, Mask, Planes, Vector32
 
 Steady = list[Vector32]
@@ -32,8 +33,9 @@ def least_seen(cells: Cells, looks: tuple[Planes, Planes]) -> Owned:
     unless the map ends there."""
     free = (cells.lead < OPEN) & (cells.inside[1] == WHOLLY) & _beside_seams(cells.first)
     held = np.where(free, np.float32(0.5) + cells.lead / np.float32(2 * OPEN), np.float32(1))
-    taken = free & (_relaxed(held, free, cells, looks) < 0.5)
-    return hard(cells, taken)
+    apart = _apart(looks)
+    taken = free & (_relaxed(held, free, cells, apart) < 0.5)
+    return hard(cells, as_wholes(cells, apart, taken))
 
 
 def _beside_seams(first: FrameNumbers) -> Mask:
@@ -51,11 +53,11 @@ def hard(cells: Cells, taken: Mask) -> Owned:
     return Owned(first, np.where(cut, second, np.int32(NOBODY)), np.full(first.shape, 255, np.uint8))
 
 
-def _relaxed(held: Lattice, free: Mask, cells: Cells, looks: tuple[Planes, Planes]) -> Lattice:
+def _relaxed(held: Lattice, free: Mask, cells: Cells, apart: Lattice) -> Lattice:
     """Probability of each cell to show its first, starting from `held`. Only free cells are updated, contiguous in memory, as
     they are few. In checkerboard order: updated all at once, two strongly coupled cells would oscillate."""
     wide = np.pad(held, 1)
-    p, strength = wide.ravel(), np.pad(_strength(looks), 1).ravel()
+    p, strength = wide.ravel(), np.pad(_strength(apart), 1).ravel()
     first, second = (np.pad(one, 1, constant_values=NOBODY).ravel() for one in (cells.first, cells.second))
     row, column = np.nonzero(np.pad(free, 1))
     here = row * wide.shape[1] + column
@@ -91,8 +93,12 @@ def _relax(p: Vector32, here: Indices, steady: Steady, pulls: Pulls) -> None:
     p[here] = np.where(total > 0, to_first / np.maximum(total, np.float32(1e-6)), p[here])
 
 
-def _strength(looks: tuple[Planes, Planes]) -> Lattice:
-    """Coupling strength of the cells."""
+def _apart(looks: tuple[Planes, Planes]) -> Lattice:
+    """Greatest difference of the two looks in any colour, grey levels."""
     one, other = looks
-    apart = np.max(np.maximum(one, other) - np.minimum(one, other), axis=0).astype(np.float32)
+    return np.max(np.maximum(one, other) - np.minimum(one, other), axis=0).astype(np.float32)
+
+
+def _strength(apart: Lattice) -> Lattice:
+    """Coupling strength of the cells."""
     return np.asarray(np.minimum(1 + (apart / np.float32(USUAL)) ** 4, np.float32(MOST)), np.float32)

@@ -69,6 +69,8 @@ def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[W
         there = None if there is None else there.common(window)
         if there is None:
             continue
+        if maps.tone is None:  # a palette's colours
+            continue
         values, sure = tone(frame, maps, there)
         share = wide(first[window.of(there)] == number) * sure
         place = squares(window.of(there))

@@ -1,5 +1,6 @@
 """Frames beside a seam take on a common tone."""
 
+import cv2
 import numpy as np
 import pytest
 from painting_parts import painted
@@ -9,6 +10,7 @@ from gcs_mosaic.render.cells import CELLS, Window
 from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.render.display import PLAIN
 from gcs_mosaic.render.frame_warp import frame_warp
+from gcs_mosaic.render.seams import look_for_seams
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.tone import FINE, MOST_SHIFT, REACH, SQUARES, shifts, wide
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
@@ -58,6 +60,20 @@ def test_what_is_no_light_is_not_taken_for_it() -> None:
 def test_tones_do_not_follow_a_thing_that_only_one_frame_has(coloured: float, moved: bool) -> None:
     of_one, _ = shifted(maps(100), maps(106, coloured))
     assert (abs(of_one[SEAM // 2 - 1]) > 1) == moved
+
+
+def test_the_colours_of_a_palette_are_not_shifted() -> None:
+    """They are temperatures: those of a frame beside it are the same without it."""
+    rng = np.random.default_rng(1)
+    counts = cv2.GaussianBlur(rng.normal(size=(480, 640)), (0, 0), 20)
+    levels = np.interp(counts, [counts.min(), counts.max()], [0, 255]).astype(np.uint8)
+    grey = look_for_seams(sure(cv2.merge([levels] * 3)), (PLAIN, NO_BORDER))
+    false = look_for_seams(sure(cv2.applyColorMap(levels, cv2.COLORMAP_JET)), (PLAIN, NO_BORDER))
+    assert grey.tone is not None
+    assert false.tone is None
+    found = shifts(FIRST, WINDOW, lambda number: (FRAME, (maps(100), false)[number]))
+    assert found.keys() == {0}
+    assert not found[0][1].any()
 
 
 def test_a_part_of_the_map_tells_the_same() -> None:

@@ -16,14 +16,26 @@ from gcs_mosaic.views.changes import merged_flights
 from gcs_mosaic.views.coverage import footprint_of
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.layers import CHANGES, LAYERS, LayerLegend, LayerTiles, area_words, is_possible, legends
+from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, AskedRevision, MapRevision, answer, in_thread, missing
+from gcs_mosaic.web.api.common import (
+    BASE,
+    SLOW_POOL,
+    VIEW,
+    AskedRevision,
+    MapRevision,
+    answer,
+    in_thread,
+    missing,
+    told_anew,
+)
 from gcs_mosaic.web.api.frames import shown_name
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.tile_answer import tile_answer
 
 MOST_GAPS = 200  # the largest
 TILES = web.AppKey("layer_tiles", LayerTiles)
+SCALES = web.AppKey("thermal_scales", ThermalScales)
 PLACE = "{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
 LAYER_TILE = f"{BASE}/layers/{{layer:[a-z]{{1,20}}}}/{PLACE}.png"
 
@@ -84,9 +96,17 @@ class GroundChangesAnswer:
     changes: Sequence[ChangedGroundAnswer]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermalAnswer:
+    """What the greys of a thermal map mean."""
+
+    map_revision: MapRevision
+    scale: Annotated[ThermalScale | None, "null where frames are ordinary pictures"]
+
+
 def keep_tiles(app: web.Application) -> None:
     """For requests to come."""
-    app[TILES] = LayerTiles(app[VIEW])
+    app[TILES], app[SCALES] = LayerTiles(app[VIEW]), ThermalScales(app[VIEW])
 
 
 @OPERATIONS.add("GET", f"{BASE}/layers", Reply("The layers.", LayersAnswer))
@@ -155,6 +175,17 @@ def _changes(view: FlightView, tiles: LayerTiles, island: int) -> GroundChangesA
     return GroundChangesAnswer(
         map_revision=found.revision, flights=named, compared=found.done, frames=found.frames, changes=areas
     )
+
+
+@OPERATIONS.add(
+    "GET",
+    f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/thermal",
+    Reply("What greys mean.", ThermalAnswer, tagged=True),
+)
+async def thermal(request: web.Request) -> web.StreamResponse:
+    """The scale of a thermal map, in degrees Celsius where the camera tells them. The picture does not depend on it."""
+    revision, scale = await in_thread(request, request.app[SCALES].of, int(request.match_info["island"]))
+    return told_anew(request, ThermalAnswer(map_revision=revision, scale=scale))
 
 
 def _gaps(view: FlightView, tiles: LayerTiles, island: int, at_least: int) -> GapsAnswer:

@@ -29,6 +29,7 @@ import { Reviews } from "/viewer/reviews.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { makeSheet, showStrip } from "/viewer/strip.js";
 import { Trees } from "/viewer/trees.js";
+import { Thermal } from "/viewer/thermal.js";
 import { loadWords } from "/viewer/words.js";
 
 const STATUS_EVERY_MS = 1000;
@@ -71,7 +72,7 @@ const aircraft = new AircraftChoice(byId("aircraft"));
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
 let reading = false;
 let readAgain = false;
-const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath]; // what follows the map
+const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath, new Thermal(map)]; // what follows the map
 
 /** Read mosaic.json and what is new of the frames; calls that come meanwhile lead to one more reading afterwards. */
 async function readMap() {

@@ -1,0 +1,179 @@
+"""The scale of a thermal map, for whoever looks: which grey is which temperature, as far as the camera tells.
+
+The picture is made of counts alone, in one range for all frames of a camera (`render.counts_range`); what the originals' tags say
+of counts only gives that range its words, here and in exports, and is said only where all frames of the island say the same.
+Colours of a palette are each frame's own and have no scale: that is said instead.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.temperature import CountUnit, likely_unit, units_told
+from gcs_mosaic.render.display import Display
+from gcs_mosaic.stitch.arrays import Vector
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.originals import place_of
+
+if TYPE_CHECKING:
+    from gcs_mosaic.views.flight_view import FlightView
+
+logger = logging.getLogger(__name__)
+
+TICKS = 5
+USUAL = 0.95  # share of the frames that are painted as the scale says, within what is told
+MOST_PALETTE_PIXELS = 1_400_000  # no uncooled sensor has more; larger pictures are not looked at for a palette
+KEPT = 200_000  # of what files say
+
+Kind = Literal["temperature", "counts", "palette"]
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalScale:
+    """What the greys of an island mean, from the darkest to the brightest."""
+
+    kind: Kind
+    unit: Annotated[str, "°C, or counts; empty for a palette"]
+    values: Annotated[Sequence[float], "at even steps of the bar"]
+    colours: Annotated[Sequence[str], "of the bar at these values, as #rrggbb"]
+    within: Annotated[
+        float | None, "in the unit: 95 % of the frames are shown no farther beside the scale, by gains and steps"
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class RangeOfCounts:
+    """Of an island's usual camera of one band: its display, and its frames as they are painted."""
+
+    display: Display
+    shown: Sequence[tuple[Display, float]]  # each frame's own display, and its gain
+    unit: CountUnit | None
+
+    @property
+    def usual(self) -> float:
+        """The count in the middle of what is shown."""
+        return float(self.counts(np.array([127.5]))[0])
+
+    def counts(self, levels: Vector) -> Vector:
+        """Counts of grey levels (n,) before any brightening."""
+        band = self.display.shown[0]
+        knots = self.display.knots[band] if self.display.knots else ()
+        at, to = zip((self.display.black[band], 0.0), *knots, (self.display.white[band], 255.0), strict=True)
+        return np.asarray(np.interp(levels, to, at), np.float64)
+
+
+class ThermalScales:
+    """Scales by island. Thread-safe."""
+
+    def __init__(self, view: FlightView) -> None:
+        self._view = view
+        self._told = lru_cache(KEPT)(self._in_original)
+        self._scale = lru_cache(16)(self._made)
+        self._palette = lru_cache(64)(self._is_palette)
+
+    def of(self, island: int) -> tuple[int, ThermalScale | None]:
+        """The map's revision, and the island's scale then; None where frames are ordinary pictures, or none are there."""
+        revision = self._view.table().revision
+        return revision, self._scale(island, revision)
+
+    def counts_of(self, island: int) -> RangeOfCounts | None:
+        """The range in which an island's counts of one band are shown; None of pictures of other kinds."""
+        with self._view.ledger() as ledger:
+            looks = ledger.displays(island)
+        thermal = [(name, own, gain) for name, own, gain in looks if _is_of_counts(own)]
+        if 2 * len(thermal) <= len(looks):
+            return None
+        usual, _ = Counter(own.of_camera for _, own, _ in thermal).most_common(1)[0]
+        names = {name for name, own, _ in thermal if own.of_camera == usual}
+        band = usual.shown[0]
+        shown = [(own, gain[band]) for name, own, gain in thermal if name in names]
+        originals = [one for one in self._view.table().frames if one.name in names]
+        said = (self._told(one.original, one.content_hash) for one in originals)
+        told = {units for units in said if units is not None}  # of originals that are gone nothing is known
+        found = RangeOfCounts(usual, shown, None)
+        units = told.pop() if len(told) == 1 else ()
+        return replace(found, unit=likely_unit(units, found.usual))
+
+    def _made(self, island: int, _revision: int) -> ThermalScale | None:
+        try:
+            found = self.counts_of(island)
+        except UsageError:
+            logger.info("no ledger can be read", exc_info=True)
+            return None
+        if found is not None:
+            return scale_of(found)
+        frames = [one for one in self._view.table().frames if one.island == island]
+        small = [one for one in frames if one.camera.width * one.camera.height <= MOST_PALETTE_PIXELS]
+        if 2 * len(small) <= len(frames):
+            return None
+        found_ones = [self._palette(small[at].number) for at in _tried(len(small))]
+        return ThermalScale("palette", "", (), (), None) if 2 * sum(found_ones) > len(found_ones) else None
+
+    def _is_palette(self, number: int) -> bool:
+        from gcs_mosaic.frames.decode import Unreadable  # only once somebody asks
+        from gcs_mosaic.render.exposure import is_false_colour
+        from gcs_mosaic.views.decoding import original_pixels
+
+        record = self._view.frame(number)
+        image = None if record is None else original_pixels(self._view, record, 4)
+        return image is not None and not isinstance(image, Unreadable) and is_false_colour(image)
+
+    def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[CountUnit, ...] | None:
+        """What an original says; None if it is not there."""
+        path = place_of(self._view.root, original) if original is not None else None
+        if path is None:
+            return None
+        try:
+            with inside.reading(path, self._view.root) as file:
+                return units_told(file)
+        except OSError:
+            logger.info("what an original says of its counts cannot be read", exc_info=True)
+            return None
+
+
+def common_unit(view: FlightView, islands: Sequence[int]) -> CountUnit | None:
+    """What the counts of some islands are, if all say the same. Raises UsageError."""
+    scales = ThermalScales(view)
+    ranges = [scales.counts_of(island) for island in islands]
+    units = {None if one is None else one.unit for one in ranges}
+    return units.pop() if len(units) == 1 else None
+
+
+def scale_of(found: RangeOfCounts) -> ThermalScale:
+    """In degrees where the camera tells them, else in counts."""
+    unit = found.unit or CountUnit(1.0, 0.0)
+    levels = np.linspace(0, 255, TICKS)
+    greys = np.rint(np.repeat(levels[:, None], 3, axis=1)).astype(np.uint8)[:, None]
+    colours = [f"#{red:02x}{green:02x}{blue:02x}" for ((blue, green, red),) in found.display.lightened(greys).tolist()]
+    values = [round(unit.celsius(count), 2) for count in found.counts(levels).tolist()]
+    within = round(unit.per_count * float(np.quantile([_beside(found, *one) for one in found.shown], USUAL)), 2)
+    if found.unit is None:
+        return ThermalScale("counts", "counts", values, colours, within)
+    return ThermalScale("temperature", "°C", values, colours, within)
+
+
+def _tried(count: int) -> list[int]:
+    """Which of an island's frames are looked at for a palette: the same ones until their number has doubled."""
+    last = 1 << (count - 1).bit_length() - 1 if count > 1 else 0
+    return sorted({0, last // 2, last})
+
+
+def _beside(found: RangeOfCounts, own: Display, gain: float) -> float:
+    """By how many counts a frame's usual count is shown beside the scale: by its step, and by its gain above black."""
+    band, count = own.shown[0], found.usual
+    scale, offset = (own.scale[band], own.offset[band]) if own.scale else (1.0, 0.0)
+    shown = count * scale + offset
+    return abs(shown - count) + abs((gain - 1) * (shown - own.black[band]))
+
+
+def _is_of_counts(display: Display) -> bool:
+    """Whether frames are one band of counts, as thermal cameras write them."""
+    return len(display.black) == 1 and not display.kind[1]
