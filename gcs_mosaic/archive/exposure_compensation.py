@@ -14,7 +14,7 @@ from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame
 from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.tasks import Parts, task
-from gcs_mosaic.render.agreement import Overlap, agreed_gains, overlap_of
+from gcs_mosaic.render.agreement import Overlap, agreed_looks, overlap_of
 from gcs_mosaic.render.brightness import Aircraft, Camera, size_of
 from gcs_mosaic.render.exposure import ExposureSettings, is_false_colour
 from gcs_mosaic.render.levels import FINER
@@ -56,7 +56,7 @@ def compensated(
     chunks: Sequence[tuple[str, Sequence[str]]],
     settings: PaintSettings,
 ) -> CompensatedFrames:
-    """Gain, vignetting and level of all frames of these chunks of placements."""
+    """Gain, vignetting, light field and level of all frames of these chunks of placements."""
     booked = booked_frames(frames, kinds, chunks)
     book = engine.listed(booked)
     starts = tuple(int(at) for at in np.cumsum([0, *(len(names) for _, names in chunks)]))
@@ -94,7 +94,7 @@ def placements_of(artefacts: Artefacts, key: str) -> list[Placement]:
 
 
 def uncompensated(artefacts: Artefacts, one: BookedFrame) -> RenderItem:
-    """A frame as it is painted but for gain, vignetting and level."""
+    """A frame as it is painted but for gain, vignetting, light field and level."""
     placement = placements_of(artefacts, one.placements)[one.place]
     pose, camera = reduced_view(placement.pose, placement.camera, *one.frame.facts.painted)
     return RenderItem(
@@ -152,7 +152,7 @@ def _thumbnail(artefacts: Artefacts, one: BookedFrame) -> Levels:
 
 
 def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vignetting: VignettingSettings) -> Parts:
-    """Gain, vignetting and level of each frame, part by part as the overlaps are."""
+    """Gain, vignetting, light field and level of each frame, part by part as the overlaps are."""
     keys = artefacts.part(overlaps, "list")
     chunks: list[list[RenderItem]] = [artefacts.part(key, "frames") for key in keys]
     frames = [one for chunk in chunks for one in chunk]
@@ -160,10 +160,12 @@ def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vigne
     distances: list[float | None] = [one for key in keys for one in artefacts.part(key, "distances")]
     aircraft = [one for key in keys for one in artefacts.part(key, "aircraft")]
     curves = curves_of(dict(zip((one.name for one in frames), aircraft, strict=True)), frames, found, vignetting)
-    gains = agreed_gains(frames, found, curves, exposure)
+    agreed = agreed_looks(frames, found, curves, exposure)
     levels = dict(zip(curves, levels_of(frames, distances), strict=True))
     parts = {
-        f"looks {number}": [(gains[one.name], curves[one.name], levels[one.name]) for one in chunk]
+        f"looks {number}": [
+            (agreed[one.name][0], curves[one.name], agreed[one.name][1], levels[one.name]) for one in chunk
+        ]
         for number, chunk in enumerate(chunks)
     }
     return {"summary": len(frames), **parts}
@@ -199,12 +201,13 @@ def levels_of(frames: Iterable[RenderItem], distances: Sequence[float | None]) -
 
 
 @lru_cache(256)
-def _looks(artefacts: Artefacts, key: str, part: int) -> list[tuple[object, object, int]]:
-    found: list[tuple[object, object, int]] = artefacts.part(key, f"looks {part}")
+def _looks(artefacts: Artefacts, key: str, part: int) -> list[tuple[object, object, object, int]]:
+    found: list[tuple[object, object, object, int]] = artefacts.part(key, f"looks {part}")
     return found
 
 
 def painted_frame(artefacts: Artefacts, one: BookedFrame, key: str, part: int, place: int) -> RenderItem:
     """A frame as it is painted; its look lies at a place of a part of `key`. Raises Lost."""
-    gain, vignetting, level = _looks(artefacts, key, part)[place]
-    return replace(uncompensated(artefacts, one), gain=gain, vignetting=vignetting, level=level)  # type: ignore[arg-type]
+    gain, vignetting, light, level = _looks(artefacts, key, part)[place]
+    lit = {"gain": gain, "vignetting": vignetting, "light": light}
+    return replace(uncompensated(artefacts, one), **lit, level=level)  # type: ignore[arg-type]

@@ -13,8 +13,8 @@ from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
 from gcs_mosaic.integral.relief_plane import plane_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
 from gcs_mosaic.integral.why_not import nobody_sees, too_few
+from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.render.vignetting import brightening
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.decoding import original_pixels
@@ -100,12 +100,14 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     levels = levels * np.asarray(painted.gain, np.float32)
     x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
     pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
-    bright = brightening(painted.vignetting, pixels, painted.camera.width, painted.camera.height)
+    bright = brightening_of(painted, pixels)
+    if bright is not None:
+        levels = levels * bright
     return GroundLook(
         name=painted.name,
         pose=painted.pose,
         camera=painted.camera,
-        image=np.ascontiguousarray((levels * bright)[..., : 1 if is_grey else None], np.float32),
+        image=np.ascontiguousarray(levels[..., : 1 if is_grey else None], np.float32),
         relief=plane_of(painted.relief, painted.camera, low, high),
         left=left * reduction,
         top=top * reduction,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,17 +13,20 @@ from gcs_mosaic.render.exposure import (
     Gain,
     Observation,
     OverlapMeans,
+    bounded,
+    log_gains,
     overlap_means,
     seen_from,
-    solve_gains,
 )
+from gcs_mosaic.render.light_field import LightBeside, LightField, at_places, lacking, nodes, shown_part
 from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.render.vignetting import Vignetting
-from gcs_mosaic.stitch.arrays import Bands, Levels, Mask, PointsNx2
+from gcs_mosaic.render.vignetting import Vignetting, log_brightness, radii
+from gcs_mosaic.stitch.arrays import AnyArray, Bands, FloatRows, Levels, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
 
 SATURATED = 65_535  # counts
 Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
+Look = tuple[Gain, LightField | None]
 
 
 def overlap_of(i: RenderItem, small_i: Levels, j: RenderItem, small_j: Levels) -> OverlapMeans | None:
@@ -60,21 +64,101 @@ def _is_alive(painted: RenderItem, scale: float, pixels: PointsNx2, thumbnail: L
     return alive if painted.still is None else alive & ~painted.still.covers(np.nan_to_num(pixels), width, height)
 
 
-def agreed_gains(
+def agreed_looks(
     frames: Iterable[RenderItem],
     overlaps: Sequence[Overlap],
     curves: Mapping[str, Vignetting],
     settings: ExposureSettings,
-) -> dict[str, Gain]:
-    """The gain of each frame from all overlaps; `curves`: vignetting by name."""
+) -> dict[str, Look]:
+    """Gain and light field of each frame from all overlaps; `curves`: vignetting by name."""
     kinds: dict[tuple[int, bool], list[RenderItem]] = {}  # frames of different kinds are not comparable in exposure
     for painted in frames:
         kinds.setdefault(painted.display.kind, []).append(painted)
-    gains: dict[str, Gain] = {}
-    for (bands, _), alike in kinds.items():
-        names = {painted.name: number for number, painted in enumerate(alike)}
-        seen: list[Observation] = [
-            (names[i], names[j], means.flattened(curves[i], curves[j])) for i, j, means in overlaps if i in names
-        ]
-        gains |= dict(zip(names, solve_gains(len(names), seen, settings, bands), strict=True))
-    return gains
+    looks: dict[str, Look] = {}
+    for alike in kinds.values():
+        gains = agreed_gains(alike, overlaps, curves, settings)
+        looks |= _lit([replace(one, gain=gains[one.name], vignetting=curves[one.name]) for one in alike], overlaps)
+    return {name: (bounded(np.log(np.array(gain)), settings), light) for name, (gain, light) in looks.items()}
+
+
+def agreed_gains(
+    frames: Sequence[RenderItem],
+    overlaps: Sequence[Overlap],
+    curves: Mapping[str, Vignetting],
+    settings: ExposureSettings,
+) -> dict[str, Gain]:
+    """The gain of each frame of one kind, beside those taken in close succession."""
+    names = {painted.name: number for number, painted in enumerate(frames)}
+    seen: list[Observation] = [
+        (names[i], names[j], means.flattened(curves[i], curves[j]))
+        for i, j, means in overlaps
+        if i in names and are_near(frames[names[i]], frames[names[j]], settings)
+    ]
+    logs = log_gains(len(names), seen, settings, len(frames[0].gain))
+    return {name: bounded(row, settings) for name, row in zip(names, logs, strict=True)}
+
+
+def are_near(one: RenderItem, other: RenderItem, settings: ExposureSettings) -> bool:
+    """Whether two frames were taken in close succession."""
+    return abs(one.order - other.order) <= settings.around
+
+
+def _lit(frames: Sequence[RenderItem], overlaps: Sequence[Overlap]) -> dict[str, Look]:
+    """Gain and light field of frames of one kind, given with gain and vignetting. Over the ground that overlapping frames of
+    an island show, both together have the mean logarithm 0: no map is brighter than its photographs. (Vignetting has a mean of
+    its own.)"""
+    seen = _seen_beside({painted.name: painted for painted in frames}, overlaps)
+    lights: dict[str, LightField | None] = {}
+    sums: dict[int, list[AnyArray]] = {}  # by island, of each frame: log factor by band, times its area, and this
+    for one in frames:
+        beside = [_beside(one, other, light) for other, light in seen[one.name]]
+        lights[one.name] = lacking(_aspect(one), beside)
+        if beside:
+            ground = np.exp(2 * one.pose.log_gsd) * one.camera.width * one.camera.height
+            area = shown_part(_aspect(one), beside) * ground
+            logs = np.log(np.array(one.gain)) + at_places(lights[one.name], nodes())
+            sums.setdefault(one.island, []).append(np.r_[(area * logs).sum(axis=0), area.sum()])
+    totals = {island: np.sum(some, axis=0) for island, some in sums.items()}
+    even = {island: np.exp(-total[:-1] / total[-1]) for island, total in totals.items()}
+    gains = {one.name: np.array(one.gain) * (even[one.island] if seen[one.name] else 1) for one in frames}
+    return {name: (tuple(gain.tolist()), lights[name]) for name, gain in gains.items()}
+
+
+def _seen_beside(
+    frames: Mapping[str, RenderItem], overlaps: Sequence[Overlap]
+) -> dict[str, list[tuple[RenderItem, LightBeside]]]:
+    """What is seen beside each frame."""
+    seen: dict[str, list[tuple[RenderItem, LightBeside]]] = {name: [] for name in frames}
+    for i, j, means in overlaps:
+        if means.light is not None and i in frames and j in frames:
+            seen[i].append((frames[j], means.light[0]))
+            seen[j].append((frames[i], means.light[1]))
+    return seen
+
+
+def field_beside(new: RenderItem, beside: Iterable[tuple[RenderItem, LightBeside]], own: float) -> LightField | None:
+    """The light field of a new frame beside frames that stay as they are; `own`: how much its own light counts."""
+    return lacking(_aspect(new), [_beside(new, other, light, shown=True) for other, light in beside], own)
+
+
+def _beside(
+    one: RenderItem, other: RenderItem, light: LightBeside, *, shown: bool = False
+) -> tuple[FloatRows, AnyArray]:
+    """Weights (nodes, 1) and log brightness (nodes, bands) of a frame beside another one, less the latter's; `shown`: with the
+    light field that it has."""
+    rows = light.rows
+    weight, there, brighter = rows[:, :1], rows[:, 1:3], rows[:, 3:]
+    brighter = brighter + _compensation(other, there) - _compensation(one, nodes())
+    return weight, brighter + at_places(other.light, there) if shown else brighter
+
+
+def _compensation(painted: RenderItem, places: FloatRows) -> AnyArray:
+    """What gain and vignetting add to the log brightness (n, bands) at places (n, 2), fractions of the frame's size."""
+    width, height = painted.camera.width, painted.camera.height
+    pixels = places.astype(np.float64) * [width, height] - 0.5
+    fall = log_brightness(painted.vignetting, radii(pixels, width, height))
+    return np.asarray(np.log(np.array(painted.gain)) - fall, np.float32)
+
+
+def _aspect(painted: RenderItem) -> float:
+    return painted.camera.height / painted.camera.width

@@ -5,9 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 
-from gcs_mosaic.render.agreement import Overlap, agreed_gains, counts_overlap_of, overlap_of
+from gcs_mosaic.render.agreement import (
+    Overlap,
+    agreed_looks,
+    are_near,
+    counts_overlap_of,
+    field_beside,
+    overlap_of,
+)
 from gcs_mosaic.render.count_steps import CountsInOverlap, CountStep, step_beside
 from gcs_mosaic.render.exposure import ExposureSettings, Gain, OverlapMeans, gain_beside, is_false_colour
+from gcs_mosaic.render.light_field import HELD, LightField
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
@@ -62,15 +70,18 @@ class Brightness(Kept):
     def settled(
         self, new: RenderItem, thumbnail: Bands, beside: Iterable[RenderItem], aircraft: Aircraft = None
     ) -> RenderItem:
-        """A frame with gain and vignetting that match painted frames beside it; used as a reference from now on. Another
-        `aircraft` has another lens."""
+        """A frame with gain, vignetting and light field that match painted frames beside it; used as a reference from now
+        on. Another `aircraft` has another lens."""
         self._thumbnails[new.name], self._carriers[new.name] = thumbnail, aircraft
         if is_false_colour(new.display.levels(thumbnail)):
             self._false_colour.add(new.name)
         found = self._find_overlaps(new, beside)
         curves = self.curves_of(new)
-        shares = [(means.flattened(curves, other.vignetting), other.gain) for means, other in found]
-        return replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
+        near = [(means, other) for means, other in found if are_near(new, other, self._exposure)]
+        shares = [means.flattened(curves, other.vignetting) for means, other in near]
+        lit = replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
+        lights = [(other, means.light[0]) for means, other in found if means.light is not None]
+        return replace(lit, light=field_beside(lit, lights, HELD))
 
     def forget(self, name: str) -> None:
         """A frame that is painted no more: what it shares with others is of no concern at the end."""
@@ -89,11 +100,11 @@ class Brightness(Kept):
             kept += [] if again is None else [(i, j, again.without_sums())]
         self._overlaps = kept
 
-    def final(self, painted: Mapping[str, RenderItem]) -> dict[str, tuple[Gain, Vignetting]]:
-        """Gain and vignetting of each frame from all overlaps."""
+    def final(self, painted: Mapping[str, RenderItem]) -> dict[str, tuple[Gain, Vignetting, LightField | None]]:
+        """Gain, vignetting and light field of each frame from all overlaps."""
         curves = {name: self.curves_of(one) for name, one in painted.items()}
-        gains = agreed_gains(painted.values(), self._overlaps, curves, self._exposure)
-        return {name: (gains[name], curves[name]) for name in painted}
+        looks = agreed_looks(painted.values(), self._overlaps, curves, self._exposure)
+        return {name: (gain, curves[name], light) for name, (gain, light) in looks.items()}
 
     def curves_of(self, painted: RenderItem) -> Vignetting:
         """The estimated vignetting of a frame's camera."""

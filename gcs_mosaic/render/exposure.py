@@ -1,9 +1,11 @@
-"""Gain compensation between overlapping frames: one gain per frame and colour channel.
+"""Gains of frames: one per frame and colour channel, that take out what the camera alone has changed.
 
-The gains solve a regularised least-squares problem over the overlaps in log space, after M. Brown and D. Lowe, "Automatic
-Panoramic Image Stitching using Invariant Features", IJCV 74(1), 2007, section 6. In log space it is linear, equal factors up
-and down cost the same, and the trivial solution "all black" is excluded. The prior (gain 1) keeps long chains of frames from
-drifting; each channel has its own gain because automatic white balance changes them separately.
+A frame is compared with those taken just before and after it, over the ground that they share: how much brighter or darker it is
+than all of them together. What reverts within a few frames (steps of automatic exposure, a white balance that flips) is the
+camera, and goes; what lasts longer (shade, haze, another heading towards the sun, an exposure that follows the ground) stays as
+it was photographed, and `light_field` blends it over the ground that frames share. Nothing adds up along a chain of frames, as
+it does where gains make all overlaps agree (M. Brown and D. Lowe, "Automatic Panoramic Image Stitching using Invariant
+Features", IJCV 74(1), 2007, section 6). Each channel has its own gain because automatic white balance changes them separately.
 """
 
 from __future__ import annotations
@@ -13,12 +15,11 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_matrix, diags
-from scipy.sparse.linalg import spsolve
 
+from gcs_mosaic.render.light_field import LightOverlap, light_overlap
 from gcs_mosaic.render.vignetting import NO_SUMS, RadialSums, Vignetting, log_brightness, radial_sums, radii
 from gcs_mosaic.render.warp import warped
-from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, Levels, Mask, PointsNx2, Vector
+from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, Levels, Mask, Matrix, PointsNx2, Vector
 
 Gain = tuple[float, ...]  # one per band
 
@@ -34,8 +35,11 @@ SHOULDER, WHITE = 200.0, 250.0
 class ExposureSettings:
     """How strongly gains follow the overlaps."""
 
-    gain_sigma: float = 1.0  # expected spread of log gains; large, to allow for steps of automatic exposure (0.7)
-    overlap_sigma: float = 0.02  # log brightness; spread between two frames' overlap means at equal exposure
+    # Frames before and after a frame that it is compared with: what lasts longer than these is not the camera alone.
+    around: int = 3
+    # Log brightness: what differs by less is left to light fields, what differs by far more is the camera.
+    unnoticed: float = 0.15
+    unnoticed_cast: float = 0.05  # of a colour; shade and sun differ in brightness far more than in colour
     full_trust: int = 200  # thumbnail px of overlap that have half the weight of an infinite overlap
     least_gain: float = 0.25  # beyond these limits the image would only be noise
     most_gain: float = 4.0  # see least_gain
@@ -49,6 +53,7 @@ class OverlapMeans:
     mean_j: Gain
     count: int
     radial: RadialSums = NO_SUMS
+    light: LightOverlap | None = None
 
     def without_sums(self) -> OverlapMeans:
         """The same without what only the estimate of vignetting needs, once: there are a dozen overlaps to a frame."""
@@ -89,7 +94,10 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx
         radii(there[usable].astype(np.float64), small_j.shape[1], small_j.shape[0]),
     )
     sums = radial_sums(at_i, at_j, log_ratio)
-    return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()), sums)
+    ratios = np.zeros(small_i.shape, np.float32)
+    ratios[usable] = log_ratio
+    light = light_overlap(ratios, there, usable, (small_j.shape[1], small_j.shape[0]))
+    return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()), sums, light)
 
 
 def seen_from(
@@ -105,38 +113,27 @@ def seen_from(
     return grid, there, warped(small_j, there, cv2.INTER_LINEAR), inside
 
 
-def solve_gains(
+def log_gains(
     count: int, seen: Sequence[Observation], settings: ExposureSettings | None = None, bands: int = 3
-) -> list[Gain]:
-    """Gains of `count` frames such that `gain_i * mean_i` and `gain_j * mean_j` agree; 1 for frames without overlaps."""
+) -> Matrix:
+    """Log gains (count, bands) of frames, from the overlaps of those taken in close succession; 0 for frames without any."""
     settings = settings or ExposureSettings()
-    if not seen:
-        return [(1.0,) * bands] * count
-    i, j = np.array([s[0] for s in seen]), np.array([s[1] for s in seen])
-    trust = np.array([_trust(s[2], settings) for s in seen])
-    wanted = np.array([_log_ratio(s[2]) for s in seen])
-    rows = np.arange(len(seen))
-    difference = coo_matrix(
-        (np.r_[np.ones(len(seen)), -np.ones(len(seen))], (np.r_[rows, rows], np.r_[i, j])), shape=(len(seen), count)
-    ).tocsr()
-    weighted = difference.T @ diags(trust)
-    normal = weighted @ difference + diags(np.full(count, settings.gain_sigma**-2.0))
-    return [_bounded(row, settings) for row in spsolve(normal.tocsc(), weighted @ wanted).reshape(count, bands)]
+    apart, total = (
+        np.zeros((count, bands)),
+        np.ones((count, 1)),
+    )  # each frame's own weight is that of an infinite overlap
+    for i, j, means in seen:
+        share, ratio = means.count / (means.count + settings.full_trust), _log_ratio(means)
+        for frame, brighter in ((i, ratio), (j, -ratio)):
+            apart[frame] += share * brighter
+            total[frame] += share
+    return _of_camera(apart / total, settings)
 
 
-def gain_beside(
-    seen: Sequence[tuple[OverlapMeans, Gain]], settings: ExposureSettings | None = None, bands: int = 3
-) -> Gain:
-    """The gain of a new frame i beside frames j with fixed gains; 1 without overlaps.
-
-    The frames j are weighted below their overlaps: in a long chain solved as a whole, gains return to 1 by sqrt(prior / trust)
-    per frame. Without that, an error of a hundredth per frame would accumulate without limit.
-    """
-    settings = settings or ExposureSettings()
-    trust = np.array([_trust(means, settings) for means, _ in seen])
-    wanted = np.array([_log_ratio(means) + np.log(gain) for means, gain in seen]).reshape(-1, bands)
-    prior = settings.gain_sigma**-2.0
-    return _bounded(trust @ wanted / (trust.sum() + np.sqrt(prior * trust.sum()) + prior), settings)
+def gain_beside(seen: Sequence[OverlapMeans], settings: ExposureSettings | None = None, bands: int = 3) -> Gain:
+    """The gain of a new frame i beside the frames j taken just before it; 1 without overlaps."""
+    found = log_gains(1 + len(seen), [(0, 1 + k, means) for k, means in enumerate(seen)], settings, bands)
+    return bounded(found[0], settings or ExposureSettings())
 
 
 def is_false_colour(small: Levels) -> bool:
@@ -185,8 +182,18 @@ def _mean(pixels: Levels) -> Gain:
     return tuple(pixels.mean(axis=0).tolist())
 
 
-def _trust(means: OverlapMeans, settings: ExposureSettings) -> float:
-    return means.count / (means.count + settings.full_trust) / settings.overlap_sigma**2
+def _of_camera(apart: Matrix, settings: ExposureSettings) -> Matrix:
+    """Of what frames lack of the log brightness (n, bands) around them, as much as the camera explains. Brightness and cast each
+    go as a whole: what is left of a cast has the same hue."""
+    grey = apart.mean(axis=1, keepdims=True)
+    cast = apart - grey
+    of_grey, of_cast = (np.abs(one).max(axis=1, keepdims=True) for one in (grey, cast))
+    return _beyond(grey, of_grey, settings.unnoticed) + _beyond(cast, of_cast, settings.unnoticed_cast)
+
+
+def _beyond(apart: Matrix, size: Matrix, unnoticed: float) -> Matrix:
+    """Next to nothing of what is small, next to all of what is large."""
+    return np.asarray(apart * size**4 / (size**4 + unnoticed**4))
 
 
 def _log_ratio(means: OverlapMeans) -> Vector:
@@ -194,5 +201,6 @@ def _log_ratio(means: OverlapMeans) -> Vector:
     return np.asarray(np.log(np.array(means.mean_j) / np.array(means.mean_i)), dtype=np.float64)
 
 
-def _bounded(log_gain: Vector, settings: ExposureSettings) -> Gain:
+def bounded(log_gain: Vector, settings: ExposureSettings) -> Gain:
+    """A gain within its limits."""
     return tuple(np.clip(np.exp(log_gain), settings.least_gain, settings.most_gain).tolist())

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gcs_mosaic.render.cells import Window, window_of
+from gcs_mosaic.render.light_field import factors
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.sampling import at_cells, lattice_part
 from gcs_mosaic.render.tile_grid import Tile
@@ -19,7 +20,8 @@ from gcs_mosaic.stitch.arrays import Lattice
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameWarp:
-    """`brightening`: factor at the lattice points, by band, that removes the vignetting; None for a factor of 1."""
+    """`brightening`: factor at the lattice points, by band, that removes the vignetting and applies the light
+    field; None for a factor of 1."""
 
     painted: RenderItem
     lattice: FrameLattice
@@ -51,9 +53,7 @@ def frame_warp(painted: RenderItem, before: FrameWarp | None = None) -> FrameWar
     lattice = before.lattice if before is not None and known else _lattice(painted)
     if lattice is None:
         return None
-    flat, camera = painted.vignetting == FLAT, painted.camera
-    factor = None if flat else brightening(painted.vignetting, lattice.pixels, camera.width, camera.height)
-    return FrameWarp(painted, lattice, factor)
+    return FrameWarp(painted, lattice, brightening_of(painted, lattice.pixels))
 
 
 def on_level(frame: FrameWarp, window: Window) -> FrameWarp | None:
@@ -83,8 +83,18 @@ def on_level(frame: FrameWarp, window: Window) -> FrameWarp | None:
     return FrameWarp(frame.painted, lattice, None if frame.brightening is None else fine(frame.brightening))
 
 
+def brightening_of(painted: RenderItem, pixels: Lattice) -> Lattice | None:
+    """Factor (h, w, bands or 1) at pixels (h, w, 2) of a frame besides its gain; None for a factor of 1."""
+    size, field = (painted.camera.width, painted.camera.height), painted.light
+    even = None if painted.vignetting == FLAT else brightening(painted.vignetting, pixels, *size)
+    if field is None:
+        return even
+    light = factors(field, pixels, *size)
+    return light if even is None else light * even
+
+
 def _lies_as(one: RenderItem, other: RenderItem) -> bool:
-    alike = replace(other, gain=one.gain, vignetting=one.vignetting, display=one.display)
+    alike = replace(other, gain=one.gain, vignetting=one.vignetting, light=one.light, display=one.display)
     return alike == one
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs_mosaic.render.display import PLAIN, Display
+from gcs_mosaic.render.light_field import LightField, apart
 from gcs_mosaic.render.tile_grid import Box, Tile, ancestor, join, tile_box
 from gcs_mosaic.render.vignetting import FLAT, OUTWARDS, Vignetting, log_brightness
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
@@ -27,9 +28,9 @@ INSET_LEVELS = 2  # maximum level difference of an inset: frames coarser than th
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderItem:
-    """A frame as it is (to be) painted. `gain` multiplies each band above the display's black, and `vignetting` is removed;
-    `dead` pixels of `camera`'s image are left out, those under an overlay (`still`) shown only where no other frame sees the
-    place; `level` is usually the one that suits the frame alone, see `warp_grid.resolved`."""
+    """A frame as it is (to be) painted. `gain` multiplies each band above the display's black, `vignetting` is removed, `light`
+    applied; `dead` pixels of `camera`'s image are left out, those under an overlay (`still`) shown only where no other frame
+    sees the place; `level` is usually the one that suits the frame alone, see `warp_grid.resolved`."""
 
     name: str
     order: int  # capture order
@@ -39,6 +40,7 @@ class RenderItem:
     relief: ReliefDisplacement | None = None
     gain: tuple[float, ...] = (1.0, 1.0, 1.0)
     vignetting: Vignetting = FLAT
+    light: LightField | None = None
     display: Display = PLAIN
     dead: DeadBorder = NO_BORDER
     still: StillMask | None = None
@@ -50,10 +52,10 @@ class RenderItem:
 
 
 def brightness_apart(one: RenderItem, other: RenderItem) -> float:
-    """Maximum difference in log brightness, anywhere in the frame and in any band."""
+    """Maximum difference in log brightness, anywhere in the frame and in any band, or somewhat more."""
     gains = np.log(np.array(one.gain) / np.array(other.gain))
     falls = log_brightness(other.vignetting, OUTWARDS) - log_brightness(one.vignetting, OUTWARDS)
-    return float(np.abs(gains + falls).max())
+    return float(np.abs(gains + falls).max()) + apart(one.light, other.light)
 
 
 class Extent(NamedTuple):

@@ -314,11 +314,12 @@ class RepaintQueue(Kept):
         self._brightness.compare_again(present | relit, relit)
         looks = self._brightness.final(present | relit)
         for painted in present.values():
-            gain, vignetting = looks[painted.name]
+            gain, vignetting, light = looks[painted.name]
             camera = self._brightness.camera_of(painted)
             hidden = self._dead_of(camera), self._overlays.get(camera)
             shown = relit.get(painted.name, painted)
-            final = replace(shown, gain=gain, vignetting=vignetting, dead=hidden[0], still=hidden[1])
+            lit = replace(shown, gain=gain, vignetting=vignetting, light=light)
+            final = replace(lit, dead=hidden[0], still=hidden[1])
             is_new = painted.name in relit or hidden != (painted.dead, painted.still)
             if is_new or brightness_apart(final, painted) > self._settings.final_gain:
                 self._change(final)

@@ -20,7 +20,8 @@ Vignetting = tuple[Curve, ...]  # one per band
 
 FLAT: Vignetting = ()  # for any number of bands
 OUTWARDS: RowsNx3 = np.linspace(0, 1, 33)[:, None] ** [1, 2, 4]  # `radii` from the centre to a corner
-USUAL: Vector = np.average(OUTWARDS, axis=0, weights=OUTWARDS[:, 0])  # their mean over a disc
+# Their mean over a disc, by the square of the distance from its border: about what a frame shows beside others.
+USUAL: Vector = np.average(OUTWARDS, axis=0, weights=OUTWARDS[:, 0] * (1 - OUTWARDS[:, 0]) ** 2)
 UNLIKE = 0.25  # log brightness; pixels that deviate more from the overlap's median show something else
 
 
@@ -94,9 +95,9 @@ def radial_sums(at_i: RowsNx3, at_j: RowsNx3, log_ratio: Matrix) -> RadialSums:
 
 def log_brightness(vignetting: Vignetting, at: RowsNx3) -> Matrix:
     """Log brightness (n, bands), or (n, 1) for all bands, at places with these `radii` (n, 3). Relative to the mean of each band
-    over a frame, so that colours are kept, and then to the brightest place, so that nothing is darkened."""
+    over what a frame shows: without its vignetting it has the colours and the brightness that it was taken with."""
     curves = np.array(vignetting or [(0.0, 0.0, 0.0)]).T
-    return np.asarray((at - USUAL) @ curves - ((OUTWARDS - USUAL) @ curves).max())
+    return np.asarray((at - USUAL) @ curves)
 
 
 def brightening(vignetting: Vignetting, pixels: Lattice, width: int, height: int) -> Lattice:

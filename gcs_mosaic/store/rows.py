@@ -15,6 +15,7 @@ import numpy as np
 from gcs_mosaic.messages import CaptureResult, Position, RecordedPosition, Source, Teller, TriggerEvent
 from gcs_mosaic.render.compositor import CompositorSettings
 from gcs_mosaic.render.display import PLAIN, Display
+from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL
 from gcs_mosaic.render.vignetting import FLAT, Vignetting
@@ -43,7 +44,7 @@ EVENT_COLUMNS = (
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
-LOOK_COLUMNS = "gain, vignetting, display, dead_border, overlay"
+LOOK_COLUMNS = "gain, vignetting, display, dead_border, overlay, light"
 OVERLAY_SIZE = struct.Struct("<HH")  # rows and columns
 # What a row may say; it may have been written by somebody else, and what follows from it is computed.
 LARGEST_OVERLAY = 1 << 20  # bytes of bits: 8 million blocks
@@ -232,7 +233,8 @@ def look_row(painted: RenderItem) -> tuple[object, ...]:
     """Values for LOOK_COLUMNS: gains and vignetting as 64-bit floats, display and dead border as JSON."""
     gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
     dead = json.dumps([int(lines) for lines in painted.dead])
-    return gain, vignetting, json.dumps(asdict(painted.display)), dead, _overlay(painted.still)
+    light = None if painted.light is None else painted.light.logs
+    return gain, vignetting, json.dumps(asdict(painted.display)), dead, _overlay(painted.still), light
 
 
 def vignetting_of(row: sqlite3.Row) -> Vignetting:
@@ -244,6 +246,16 @@ def vignetting_of(row: sqlite3.Row) -> Vignetting:
     if len(values) == 2:  # older format: one curve of even powers for all bands
         return ((0.0, *values),) * len(gain_of(row)) if any(values) else FLAT
     return tuple(zip(*(values[k::3] for k in range(3)), strict=True))
+
+
+def light_of(row: sqlite3.Row) -> LightField | None:
+    """Also for ledgers older than this column. Raises ValueError."""
+    stored = row["light"] if "light" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
+    if stored is None:
+        return None
+    if len(stored) != COLUMNS * ROWS * len(gain_of(row)):
+        raise ValueError(f"not a light field of {COLUMNS} x {ROWS} nodes: {len(stored)} bytes")
+    return LightField(bytes(stored))
 
 
 def dead_border_of(row: sqlite3.Row) -> DeadBorder:
@@ -355,6 +367,7 @@ def painted_of(row: sqlite3.Row) -> RenderItem:
         relief=relief_of(row),
         gain=gain_of(row),
         vignetting=vignetting_of(row),
+        light=light_of(row),
         display=display_of(row),
         dead=dead_border_of(row),
         still=overlay_of(row),

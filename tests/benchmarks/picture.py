@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.render.blend_modes import MODES
+from gcs_mosaic.render.light_field import COLUMNS, ROWS
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from sitl.camera import Camera
@@ -52,8 +53,8 @@ class Quality:
 
     detail: of overlaps. steps: (n,) grey levels. movers: of each person and vehicle by its number, the greatest share of its
     contrast shown anywhere; half, transparent: how many of `places` where one was seen show it by half, and with the ground
-    shining through. marks: contrast kept of each still mark. gains: log of each frame's gain times its true exposure, less the
-    mean of all, in capture order: 0 where the map is as bright everywhere as the ground is.
+    shining through. marks: contrast kept of each still mark. gains: log of each frame's gain and light field times its true
+    exposure, less the mean of all, in capture order: 0 where the map is as bright everywhere as the ground is.
     """
 
     detail: Detail
@@ -178,11 +179,16 @@ def judged(maps: dict[Window, Colours], frames: Frames, windows: Sequence[Window
 
 
 def gain_errors(truth: Truth, painted: dict[str, RenderItem]) -> NDArray[np.float64]:
-    """By frame in capture order, as in Quality; of the green channel."""
-    logs = np.array(
-        [np.log(painted[frame.name].gain[1] * frame.gain) for frame in truth.frames if frame.name in painted]
-    )
+    """By frame in capture order, as in Quality; of the green channel, over the middle half of the frame: that is what shows."""
+    there = [(painted[frame.name], frame.gain) for frame in truth.frames if frame.name in painted]
+    logs = np.array([np.log(one.gain[1] * exposure) + light_of(one) for one, exposure in there])
     return np.asarray(logs - logs.mean(), np.float64)
+
+
+def light_of(painted: RenderItem) -> float:
+    """The mean log factor of a frame's light field over its middle half; of the green channel."""
+    grid = np.zeros((ROWS, COLUMNS, 3)) if painted.light is None else painted.light.grid
+    return float(grid[ROWS // 4 : -(ROWS // 4), COLUMNS // 4 : -(COLUMNS // 4), 1].mean())
 
 
 def moving(maps: dict[Window, Colours], frames: Frames, seen: Sequence[Sight]) -> tuple[dict[int, float], int, int]:

@@ -176,7 +176,7 @@ def as_taken(flight: PlacedFlight, painted: dict[str, RenderItem], settings: Pai
 
 def raw(painted: RenderItem) -> RenderItem:
     """A frame as it was taken."""
-    return replace(painted, gain=(1.0,) * len(painted.gain), vignetting=FLAT)
+    return replace(painted, gain=(1.0,) * len(painted.gain), vignetting=FLAT, light=None)
 
 
 def medians_seen(

@@ -84,16 +84,15 @@ def test_what_is_taken_out_was_there() -> None:
     factor = brightening(CURVES, grid().astype(np.float32), WIDTH, HEIGHT)
     brightest = (picture * factor)[HEIGHT // 2, WIDTH // 2]
     np.testing.assert_allclose(picture * factor, np.broadcast_to(brightest, picture.shape), atol=1.5)
-    assert factor.min() == pytest.approx(1, abs=0.001)
+    assert factor.min() < 1 < factor.max()
 
 
 def test_nowhere_is_not_brightened() -> None:
     assert (brightening(CURVES, np.full((1, 1, 2), np.nan, np.float32), WIDTH, HEIGHT) == 1).all()
 
 
-def test_frames_keep_their_colours_and_nothing_is_made_darker() -> None:
+def test_frames_keep_their_colours_and_their_brightness() -> None:
     uneven = ((0.3, -0.61, 0.43), (0.1, -0.07, -0.01), (0.0, -0.3, 0.0))  # each band is brightest elsewhere
     of_disc = log_brightness(uneven, OUTWARDS)
-    assert of_disc.max() == pytest.approx(0)
-    means = np.average(of_disc, axis=0, weights=OUTWARDS[:, 0])
-    np.testing.assert_allclose(means, means[0])
+    means = np.average(of_disc, axis=0, weights=OUTWARDS[:, 0] * (1 - OUTWARDS[:, 0]) ** 2)
+    np.testing.assert_allclose(means, 0, atol=1e-12)

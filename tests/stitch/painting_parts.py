@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.render.display import Display
+from gcs_mosaic.render.light_field import LightField
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
@@ -38,6 +39,7 @@ class Looks(TypedDict, total=False):
     relief: ReliefDisplacement | None
     gain: tuple[float, ...]
     vignetting: Vignetting
+    light: LightField | None
     display: Display
     dead: DeadBorder
     still: StillMask | None

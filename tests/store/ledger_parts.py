@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gcs_mosaic.messages import CaptureResult, Frame, Position, Source, TriggerEvent, content_hash
+from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
@@ -70,6 +71,7 @@ def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float
         camera=Camera(4000, 3000, focal, -0.031),
         gain=(1.0, 0.97, 1.03),
         vignetting=((0.1, -0.2, 0.03), (0.0, -0.1, 0.0), (0.0, -0.3, 0.1)),
+        light=LightField(bytes(range(COLUMNS * ROWS * 3))),
         dead=DeadBorder(0, 12, 1, 13),
         still=StillMask(2, 9, bytes([3, 128, 192])),
         level=16,

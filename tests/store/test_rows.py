@@ -14,6 +14,7 @@ import pytest
 
 from gcs_mosaic.messages import Position, Source
 from gcs_mosaic.render.display import PLAIN
+from gcs_mosaic.render.light_field import LightField
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL
 from gcs_mosaic.render.vignetting import FLAT
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
@@ -177,6 +178,14 @@ def test_vignetting_of_every_version() -> None:
     assert rows.vignetting_of(row(**gain, vignetting=None)) == rows.vignetting_of(row(**gain)) == FLAT
     assert rows.gain_of(row(gain_b=1.0, gain_g=2.0, gain_r=3.0)) == (1.0, 2.0, 3.0)
     assert rows.gain_of(row(**gain)) == (1.0, 2.0)
+
+
+def test_light_fields_of_every_version() -> None:
+    gain, logs = {"gain": floats(1.0, 2.0)}, bytes(range(96))
+    assert rows.light_of(row(**gain, light=logs)) == LightField(logs)
+    assert rows.light_of(row(**gain, light=None)) is rows.light_of(row(**gain)) is None
+    with pytest.raises(ValueError, match="not a light field of 8 x 6 nodes: 95 bytes"):
+        rows.light_of(row(**gain, light=logs[:-1]))
 
 
 def test_dead_borders_and_homographies_of_every_version() -> None:

@@ -1,0 +1,107 @@
+"""Light fields: frames meet between their photographs, and nothing adds up along a chain."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from painting_parts import painted
+
+from gcs_mosaic.render.brightness import Brightness
+from gcs_mosaic.render.exposure import ExposureSettings
+from gcs_mosaic.render.frame_warp import frame_warp
+from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField, at_places
+from gcs_mosaic.render.render_list import RenderItem, brightness_apart
+from gcs_mosaic.render.vignetting import VignettingSettings
+from gcs_mosaic.stitch.arrays import FloatRows, Levels
+from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
+from gcs_mosaic.stitch.camera.geometry import Camera
+from tests.sure import sure
+
+LENS = Camera(96, 72, focal=1.2)
+STEP = 24  # px between two frames of a leg: three quarters overlap
+NO_GAINS = ExposureSettings(least_gain=1.0, most_gain=1.0)
+MIDDLE = np.array([[0.5, 0.5]], np.float32)
+
+Light = Callable[[int], Sequence[float]]  # log brightness of each band of a frame
+
+
+def flown(count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0) -> list[RenderItem]:
+    """A leg over textured ground, as it is painted in the end. shading: log brightness from a frame's back to its front."""
+    ground = np.random.default_rng(4).normal(90, 12, (LENS.height, LENS.width + STEP * count, 1)).clip(40, 140)
+    known = Brightness(settings or ExposureSettings(), VignettingSettings(sigma=1e-6), lambda camera: NO_BORDER)
+    there: list[RenderItem] = []
+    for order in range(count):
+        across = np.linspace(-shading / 2, shading / 2, LENS.width)[None, :, None]
+        small: Levels = (ground[:, order * STEP :][:, : LENS.width] * np.exp(light(order) + across)).astype(np.float32)
+        there.append(known.settled(painted(order, order * STEP, camera=LENS), small, there[-4:]))
+    looks = known.final({one.name: one for one in there})
+    final = ((one, *looks[one.name]) for one in there)
+    return [replace(one, gain=gain, vignetting=curves, light=light) for one, gain, curves, light in final]
+
+
+def made(one: RenderItem, places: FloatRows = MIDDLE) -> np.ndarray:
+    """What gain and light field add to the log brightness (n, bands) at places of a frame."""
+    return np.asarray(np.log(np.array([one.gain])) + at_places(one.light, places))
+
+
+def test_frames_alike_have_no_field() -> None:
+    assert all(one.light is None for one in flown(6, lambda order: [0.0] * 3))
+
+
+def test_two_frames_meet_between_their_photographs_and_are_themselves_elsewhere() -> None:
+    one, other = flown(2, lambda order: [0.3 * order] * 3, NO_GAINS)
+    overlap = np.array([[x, 0.5] for x in (0.35, 0.5, 0.65, 0.8)], np.float32)
+    beyond = overlap - np.array([STEP / LENS.width, 0], np.float32)
+    here, there = made(one, overlap), made(other, beyond) + 0.3
+    assert np.abs(here - there).max() < 0.05
+    assert (np.diff(here[:, 0]) > 0.01).all()  # from the one's light to the other's
+    assert np.abs(made(one, np.array([[0.05, 0.5]], np.float32))).max() < 0.03
+    assert np.abs(made(other, np.array([[0.95, 0.5]], np.float32))).max() < 0.03
+
+
+def test_a_white_balance_that_flips_is_evened_out() -> None:
+    """Green to orange, frame by frame: by 30 % in two channels."""
+    cast = [np.array([0.0, 0.15, -0.15]) * (-1) ** order for order in range(16)]
+    shown = np.array([cast[k] + made(one)[0] for k, one in enumerate(flown(16, lambda order: cast[order]))])
+    assert np.abs(np.diff(shown[2:-2], axis=0)).max() < 0.25 * 0.3
+
+
+def test_what_drifts_over_many_frames_stays_as_it_was_taken() -> None:
+    """From black to white over 73 frames, three fifths of a stop each way."""
+    leg = flown(73, lambda order: [0.8 * order / 72 - 0.4] * 3)
+    assert max(np.abs(made(one)).max() for one in leg[5:-5]) < 0.1
+
+
+def test_shading_across_frames_does_not_add_up() -> None:
+    """Towards the sun the ground is brighter, in each frame: every overlap tells the next frame to be brighter."""
+    leg = flown(60, lambda order: [0.0] * 3, shading=0.2)
+    assert max(np.abs(np.log(one.gain)).max() for one in leg) < 0.05  # what one overlap tells
+    assert max(np.abs(made(one)).max() for one in leg) < 0.1
+
+
+def test_a_cloud_shadow_is_blended_and_not_chased() -> None:
+    leg = flown(30, lambda order: [-0.5 if order >= 15 else 0.0] * 3)
+    away = [np.abs(made(one)).max() for k, one in enumerate(leg) if abs(k - 15) > 8]
+    assert max(away) < 0.1
+    shown = [float(made(one)[0, 0]) - (0.5 if k >= 15 else 0.0) for k, one in enumerate(leg)]
+    assert np.abs(np.diff(shown)).max() < 0.2  # at once it were 0.5
+
+
+def test_no_map_is_brighter_than_its_photographs() -> None:
+    """Every fifth frame is half as bright again; all together change nothing over what is shown."""
+    leg = flown(30, lambda order: [0.4 * (order % 5 == 0)] * 3)
+    assert np.mean([made(one) for one in leg]) == pytest.approx(0, abs=0.02)
+    assert leg[5].gain[0] < leg[4].gain[0] * 0.95
+    shown = [made(one)[0, 0] + 0.4 * (k % 5 == 0) for k, one in enumerate(leg)]
+    assert abs(shown[5] - shown[4]) < 0.25 * 0.4  # the light field does the rest
+
+
+def test_a_field_is_what_its_frame_is_painted_with_and_is_compared_by() -> None:
+    steps = np.zeros((ROWS, COLUMNS, 3), np.int8)
+    steps[..., 1] = 64
+    lit, plain = painted(0, camera=LENS, light=LightField(steps.tobytes())), painted(0, camera=LENS)
+    factor = sure(sure(frame_warp(lit)).brightening)
+    assert factor.reshape(-1, 3).mean(axis=0) == pytest.approx([1, np.exp(0.5), 1], rel=1e-5)
+    assert sure(frame_warp(plain)).brightening is None
+    assert brightness_apart(lit, plain) == pytest.approx(0.5)
