@@ -79,20 +79,8 @@ ALLOWED = {
     },
     "integral": {"views", "store", "render", "frames", "stitch.arrays", "stitch.camera", "errors"},
     "web": {
-        *(
-            "detection",
-            "handover",
-            "hints",
-            "geo",
-            "geotiles",
-            "notes",
-            "views",
-            "store",
-            "render",
-            "frames",
-            "stitch.arrays",
-        ),
-        *("processes", "messages", "errors"),
+        *("detection", "handover", "hints", "integral", "geo", "geotiles", "notes", "views", "store", "render"),
+        *("frames", "stitch.arrays", "processes", "messages", "errors"),
     },
     "debug": {"stitch.arrays", "stitch.camera", "stitch.registration", "stitch.graph", "errors"},
     "config": {

@@ -19,8 +19,8 @@ def add_integral(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", type=Path, metavar="DIR", help="output folder of a flight")
     parser.add_argument("--at", type=_place, required=True, metavar="X,Y", help="the place, on its island's canvas")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the TIFF to write")
-    told = "focus above the map's ground in percent of the flying height; several, by commas: a page each (0)"
-    parser.add_argument("--height", type=_heights, default=(0.0,), metavar="PERCENT", help=told)
+    told = "focus above the map's ground in percent of the flying height; several, by commas: a page each (the ground is sought)"
+    parser.add_argument("--height", type=_heights, metavar="PERCENT", help=told)
     parser.add_argument("--island", type=int, metavar="N", help="default: the largest")
     parser.add_argument("--side", type=int, default=512, metavar="PX", help="pixels as fine as the frames' (512)")
     parser.add_argument("--form", choices=FORMS, default="mean", help="how looks are combined (mean)")

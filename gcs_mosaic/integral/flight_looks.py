@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
+from gcs_mosaic.integral.relief_plane import plane_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
+from gcs_mosaic.integral.why_not import nobody_sees, too_few
 from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
@@ -23,6 +25,7 @@ from gcs_mosaic.views.pictures import REDUCTIONS
 # below it; above half of the way to the camera nothing is sought.
 LOWEST, HIGHEST = -0.4, 0.5
 MOST_LOOKS = 100  # in memory: 100 of 400 x 400 px in colour are 200 MB
+GREY = 3.0  # levels between the bands of a grey picture
 RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
@@ -31,38 +34,35 @@ PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
 @dataclass(frozen=True, slots=True)
 class FlightLooks:
     """Looks in order of arrival. `lost`: frames that saw the window, but whose originals cannot be read; `left_out`: of more than
-    MOST_LOOKS."""
+    wanted."""
 
     looks: Sequence[GroundLook]
     lost: Sequence[str]
     left_out: int
 
 
-def looks_at(view: FlightView, island: int, window: GroundWindow) -> FlightLooks:
+def looks_at(view: FlightView, island: int, window: GroundWindow, most: int = MOST_LOOKS) -> FlightLooks:
     """All painted frames that see a window's middle, on the ground. Raises UsageError where no two of them can be read."""
     table = view.table()
     point = (window.x, window.y, window.x, window.y)
     near = [table.frames[index].number for index in table.near(island, point)]
     painted = [(number, one) for number in near if (one := view.painted(number)) is not None and _sees(one, window)]
     if not painted:
-        raise UsageError(f"No frame of island {island} sees ({window.x:g}, {window.y:g}): give a place on its map.")
-    step = -(-len(painted) // MOST_LOOKS)
+        raise UsageError(nobody_sees(island, window.x, window.y))
+    step = -(-len(painted) // most)
     looks, lost = list[GroundLook](), list[str]()
     for number, one in painted[::step]:
         look = _look(view, number, one, window)
         lost.append(one.name) if look is None else looks.append(look)
+    if len({one.image.shape[2] for one in looks}) > 1:
+        looks = [_as_grey(one) for one in looks]
     if len(looks) < 2:
-        raise UsageError(_too_few(len(painted), lost))
+        raise UsageError(too_few(len(painted), lost))
     return FlightLooks(looks, lost, len(painted) - len(painted[::step]))
 
 
-def _too_few(count: int, lost: Sequence[str]) -> str:
-    if count < 2:
-        return "Only one frame sees this place, and an integral needs two at least: open the original instead."
-    return (
-        f"Of the {count} frames that see this place, the originals of {len(lost)} cannot be read ({lost[0]} is the first), and "
-        "an integral needs two at least: bring them back with gcs-mosaic check --repair --frames DIR."
-    )
+def _as_grey(look: GroundLook) -> GroundLook:
+    return look if look.image.shape[2] == 1 else replace(look, image=look.image.mean(axis=2, keepdims=True))
 
 
 def _sees(painted: RenderItem, window: GroundWindow) -> bool:
@@ -94,23 +94,32 @@ def _reduction(painted: RenderItem, window: GroundWindow, scale: float) -> int:
 def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: float) -> GroundLook:
     """What may be seen of the window in any focus, in grey levels of one light. `reduction`: px of the camera per px of image."""
     left, top, right, bottom = _box(painted, image, window, reduction)
+    low, high = np.array([left, top]) * reduction, np.array([right, bottom]) * reduction
     levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
+    is_grey = _is_grey(levels)
     levels = levels * np.asarray(painted.gain, np.float32)
     x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
     pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
     bright = brightening_of(painted, pixels)
+    if bright is not None:
+        levels = levels * bright
     return GroundLook(
         name=painted.name,
         pose=painted.pose,
         camera=painted.camera,
-        image=np.ascontiguousarray(levels if bright is None else levels * bright, np.float32),
-        relief=painted.relief,
+        image=np.ascontiguousarray(levels[..., : 1 if is_grey else None], np.float32),
+        relief=plane_of(painted.relief, painted.camera, low, high),
         left=left * reduction,
         top=top * reduction,
         reduction=reduction,
         dead=painted.dead,
         still=painted.still,
     )
+
+
+def _is_grey(levels: FloatImage) -> bool:
+    """Whether all bands (h, w, bands) show the same, as a thermal camera's JPEGs do; compression leaves a level or two."""
+    return levels.shape[2] == 3 and all(float(np.abs(levels[..., 0] - levels[..., k]).max()) <= GREY for k in (1, 2))
 
 
 def _box(painted: RenderItem, image: FloatImage | Bands, window: GroundWindow, reduction: float) -> PixelBox:

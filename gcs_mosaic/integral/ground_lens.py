@@ -9,10 +9,12 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.integral.aperture import SyntheticAperture, aperture_of
-from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, looks_at
+from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, MOST_LOOKS, looks_at
 from gcs_mosaic.integral.focal_plane import camera_height
+from gcs_mosaic.integral.focus import Focus, ground_focus
 from gcs_mosaic.integral.forms import LEAST_LOOKS
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow, LookStack, laid_together
+from gcs_mosaic.integral.why_not import apart, beyond
 from gcs_mosaic.stitch.arrays import Vector2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
@@ -47,35 +49,50 @@ class GroundLens:
 
     def stack(self, height: float, opened: float = 1.0) -> LookStack:
         """The looks on the plane at a height. Raises UsageError for one where nothing can be in focus."""
-        if not LOWEST <= height <= HIGHEST:
-            raise UsageError(
-                f"A focus at {height:.0%} of the flying height is beyond what can be sought: give one from {LOWEST:.0%} "
-                f"(below the map's ground, which over woods may lie by the crowns) to {HIGHEST:.0%}."
-            )
-        return laid_together(self.opened(opened), self.window, height * self.flying_height)
+        return laid_together(self.opened(opened), self.window, self._units(height))
+
+    def focus(self) -> Focus:
+        """The ground's height as the looks tell it."""
+        return ground_focus(self.looks, self.window, self.flying_height, self.aperture(0.0))
 
     def aperture(self, height: float, opened: float = 1.0) -> SyntheticAperture:
         """Of the looks at the middle. Raises UsageError where they do not overlap at this height."""
-        found = aperture_of(self.opened(opened), self.middle, height * self.flying_height)
+        found = aperture_of(self.opened(opened), self.middle, self._units(height))
         if found.looks < LEAST_LOOKS:
-            raise UsageError(
-                f"At {height:.0%} of the flying height {found.looks or 'no'} frame sees this place, and an integral needs two at "
-                "least: move the focus towards the ground, or open the aperture."
-            )
+            raise UsageError(apart(height, found.looks, len(self.looks)))
         return found
 
+    def _units(self, height: float) -> float:
+        """Canvas units of a height. Raises UsageError for one where nothing can be in focus."""
+        if not LOWEST <= height <= HIGHEST:
+            raise UsageError(beyond(height, LOWEST, HIGHEST))
+        return height * self.flying_height
 
-def ground_lens(view: FlightView, island: int, place: tuple[float, float], cells: int) -> GroundLens:
-    """A lens of cells x cells pixels, as fine as the middle one of its looks, about a place on an island's canvas. Raises
-    UsageError where no two frames see it, or can be read."""
+
+def ground_lens(
+    view: FlightView,
+    island: int,
+    place: tuple[float, float],
+    cells: int,
+    side: float | None = None,
+    most: int = MOST_LOOKS,
+) -> GroundLens:
+    """A lens of cells x cells pixels about a place on an island's canvas: `side` canvas units wide, else as fine as the middle
+    one of its looks, of which `most` are kept. Raises UsageError where no two frames see it, or can be read."""
     x, y = place
-    table, at = view.table(), np.array([[x, y]])
-    gsds = []
+    cell = _usual_cell(view, island, place) if side is None else side / cells
+    window = GroundWindow(x, y, cell * cells, cells)
+    found = looks_at(view, island, window, most)
+    return GroundLens(window, found.looks, found.lost, found.left_out)
+
+
+def _usual_cell(view: FlightView, island: int, place: tuple[float, float]) -> float:
+    """Canvas units of a pixel of the middle one of those that see a place; 1 where nobody does."""
+    x, y = place
+    table, at, gsds = view.table(), np.array([place]), list[float]()
     for index in table.near(island, (x, y, x, y)):
         painted = view.painted(table.frames[index].number)
         if painted is not None:
             gsds.append(float(ground_sampling_distance(painted.pose, painted.camera, pixels_of(painted, at))[0]))
-    cell = float(np.median(known)) if (known := [one for one in gsds if np.isfinite(one) and one > 0]) else 1.0
-    window = GroundWindow(x, y, cell * cells, cells)
-    found = looks_at(view, island, window)
-    return GroundLens(window, found.looks, found.lost, found.left_out)
+    known = [one for one in gsds if np.isfinite(one) and one > 0]
+    return float(np.median(known)) if known else 1.0

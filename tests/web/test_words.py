@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.app.status.conditions import Conditions
+from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import area_words, legends
@@ -98,8 +99,9 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
 
 
 def sentences_of_the_server() -> list[str]:
-    """What lasts and is told as a condition, the areas of gaps, and why shots are not on the map."""
+    """What lasts and is told as a condition, the areas of gaps, why shots are not on the map, and why there is no integral."""
     told = [area_words(9.0, 3.0), area_words(0.1, 3.0), NO_PICTURE, NOTHING_YET]
+    told += [nobody_sees(0, 1.5, 2.0), too_few(1, ()), too_few(5, ["a.jpg"]), beyond(0.9, -0.4, 0.5), apart(0.4, 1, 7)]
     for _, facts in NEWS.values():
         conditions = Conditions()
         conditions.so_now(facts)

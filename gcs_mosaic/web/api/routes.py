@@ -19,6 +19,7 @@ from gcs_mosaic.web.api import (
     handed_over,
     hints,
     hints_dismissed,
+    integral,
     layers,
     looking,
     looks,
@@ -44,6 +45,7 @@ ROOMS = (
     looking,
     hints,
     hints_dismissed,
+    integral,
     movers,
     anchors,
     maps,
@@ -64,6 +66,7 @@ def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings
     hints.add_hints(app, settings)
     layers.keep_tiles(app)
     detection.add_detection(app)
+    integral.add_lenses(app)
     frames.keep_pieces(app)
     movers.keep_search(app)
     for room in ROOMS:

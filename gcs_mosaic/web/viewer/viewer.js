@@ -31,6 +31,7 @@ import { Pointing } from "/viewer/pointing.js";
 import { Reviews } from "/viewer/reviews.js";
 import { Connection, fetchDocument } from "/viewer/server.js";
 import { makeSheet, showStrip } from "/viewer/strip.js";
+import { Trees } from "/viewer/trees.js";
 import { Thermal } from "/viewer/thermal.js";
 import { loadWords } from "/viewer/words.js";
 
@@ -67,6 +68,7 @@ const flightPath = new FlightPath(map, placements, fleet);
 const absent = new Absent(map);
 const novelty = new Novelty(map);
 new Hints(map, pointing, (hint) => originals.ask(hint.island, ...hint.place, hint.frame));
+new Trees(map, pointing, measure, (island, x, y) => originals.ask(island, x, y));
 new Movers(map, (island, x, y, frame) => originals.ask(island, x, y, frame));
 originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
