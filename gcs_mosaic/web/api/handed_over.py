@@ -85,7 +85,7 @@ async def mission(request: web.Request) -> web.StreamResponse:
     asked, notes, kind = asked_query(request, MissionQuery), request.app[NOTES], request.match_info["format"]
     _, *pinned = await notes.run(notes.pinned)
     try:
-        text = await in_thread(request, _file, request, asked, pinned, kind)
+        text = await in_thread(request, _file, request, asked, pinned, kind, pool=SLOW_POOL)
     except UsageError as error:
         raise web.HTTPConflict(text=f"{error}\n") from error
     headers = {"Content-Disposition": f'attachment; filename="gaps.{kind}"'}

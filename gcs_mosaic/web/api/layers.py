@@ -184,7 +184,8 @@ def _changes(view: FlightView, tiles: LayerTiles, island: int) -> GroundChangesA
 )
 async def thermal(request: web.Request) -> web.StreamResponse:
     """The scale of a thermal map, in degrees Celsius where the camera tells them. The picture does not depend on it."""
-    revision, scale = await in_thread(request, request.app[SCALES].of, int(request.match_info["island"]))
+    island, scales = int(request.match_info["island"]), request.app[SCALES]
+    revision, scale = await in_thread(request, scales.of, island, pool=SLOW_POOL)
     return told_anew(request, ThermalAnswer(map_revision=revision, scale=scale))
 
 

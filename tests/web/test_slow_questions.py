@@ -1,0 +1,62 @@
+"""What decodes, or waits for another's map, keeps no quick question waiting."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
+from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.api import handed_over
+from gcs_mosaic.web.server import WebServer
+from tests.handover.gapped import gapped_flight
+from tests.web.test_app import Client
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Iterator[Client]:
+    server = WebServer(gapped_flight(tmp_path / "flight"), HttpAddress("127.0.0.1", 0))
+    yield Client(server.start())
+    server.stop()
+
+
+class Held:
+    """Work that takes until it is let go."""
+
+    def __init__(self) -> None:
+        self.begun, self.may_end = threading.Semaphore(0), threading.Event()
+
+    def file(self, *_: object) -> str:
+        self._wait()
+        raise UsageError("nothing")
+
+    def scale(self, *_: object) -> tuple[int, ThermalScale | None]:
+        self._wait()
+        return 1, None
+
+    def _wait(self) -> None:
+        self.begun.release()
+        self.may_end.wait(10)
+
+
+@pytest.mark.parametrize("path", ["/api/v1/mission.plan?below=0.5", "/api/v1/islands/0/thermal"])
+def test_as_many_slow_ones_as_there_are_threads_leave_quick_ones_alone(
+    client: Client, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    held = Held()
+    monkeypatch.setattr(handed_over, "_file", held.file)
+    monkeypatch.setattr(ThermalScales, "of", held.scale)
+    asking = [threading.Thread(target=client.ask, args=(path,)) for _ in range(2)]
+    for one in asking:
+        one.start()
+    try:
+        assert all(held.begun.acquire(timeout=5) for _ in asking)
+        assert client.status("/api/v1/layers") == 200  # in less than the client's 5 s
+    finally:
+        held.may_end.set()
+        for one in asking:
+            one.join(5)
