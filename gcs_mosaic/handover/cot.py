@@ -9,6 +9,7 @@ import hashlib
 import ipaddress
 import math
 import socket
+import time
 from xml.sax.saxutils import quoteattr
 
 from gcs_mosaic.errors import UsageError
@@ -51,24 +52,36 @@ def as_cot(one: PlacedFind, flight: str, taken: CaptureTime | None, now_utc: flo
 
 
 def send_cot(event: str, address: CotAddress, timeout_s: float = SEND_S) -> None:
-    """Send an event. Raises UsageError if it cannot be."""
+    """Send an event. Raises UsageError if it cannot be; nothing is sent after the time, however long finding the name took."""
     kind = socket.SOCK_DGRAM if address.kind == "udp" else socket.SOCK_STREAM
+    end = time.monotonic() + timeout_s
     try:
         family, _, _, _, where = socket.getaddrinfo(address.host, address.port, type=kind)[0]
         with socket.socket(family, kind) as one:
-            one.settimeout(timeout_s)
+            one.settimeout(_left(end))
             if kind == socket.SOCK_DGRAM:
                 if ipaddress.ip_address(where[0]).is_multicast and family == socket.AF_INET:
                     one.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, MULTICAST_HOPS)
                 one.sendto(event.encode("utf-8"), where)
             else:
                 one.connect(where)
+                one.settimeout(_left(end))
                 one.sendall(event.encode("utf-8"))
     except (OSError, ValueError) as error:
-        told = f"{address.kind}:{address.host}:{address.port}"
-        raise UsageError(
-            f"The find cannot be sent to {told} ({error}): see whether it is right and reached."
-        ) from error
+        raise not_sent(address, str(error)) from error
+
+
+def not_sent(address: CotAddress, why: str) -> UsageError:
+    """One sentence about it."""
+    told = f"{address.kind}:{address.host}:{address.port}"
+    return UsageError(f"The find cannot be sent to {told} ({why}): see whether it is right and reached.")
+
+
+def _left(end: float) -> float:
+    """Seconds until a monotonic time. Raises TimeoutError."""
+    if (left := end - time.monotonic()) <= 0:
+        raise TimeoutError("timed out")
+    return left
 
 
 def _uid(flight: str, number: int, created_utc: float) -> str:

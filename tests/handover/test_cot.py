@@ -10,10 +10,12 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.handover import cot
 from gcs_mosaic.handover.cot import as_cot, send_cot
 from gcs_mosaic.handover.cot_address import CotAddress, cot_address
 from gcs_mosaic.notes.anchors.anchoring import anchor_of
@@ -24,6 +26,7 @@ from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.taken import CaptureTime
 from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.api import handed_over
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.settings import WebSettings
 from tests.handover.gapped import gapped_flight
@@ -164,6 +167,23 @@ def test_it_goes_over_tcp_and_nobody_there_is_said() -> None:
         send_cot("<event/>", address)
 
 
+def test_a_name_that_is_found_too_late_has_nothing_sent(
+    listener: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find = socket.getaddrinfo
+
+    def find_slowly(*given: Any, **named: Any) -> Any:
+        time.sleep(0.2)
+        return find(*given, **named)
+
+    monkeypatch.setattr(socket, "getaddrinfo", find_slowly)
+    listener.settimeout(0.2)
+    with pytest.raises(UsageError, match="timed out"):
+        send_cot("<event/>", CotAddress("udp", *listener.getsockname()), timeout_s=0.1)
+    with pytest.raises(TimeoutError):
+        listener.recv(65536)
+
+
 def posted(client: Client, path: str) -> tuple[http.client.HTTPResponse, bytes]:
     with closing(http.client.HTTPConnection(client.netloc, timeout=5)) as connection:
         connection.request("POST", path, b'{"who": "Kim"}', {"Content-Type": "application/json"})
@@ -183,3 +203,52 @@ def test_the_page_sends_only_where_the_settings_say(root: Path, listener: socket
         assert client.ask("/api/v1/finds/7/event.cot")[0].status == 404
         server.stop()
     assert b'callsign="tent"' in listener.recv(65536)
+
+
+@pytest.mark.long
+def test_while_a_name_is_not_found_others_are_refused(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found(root)
+    begun, may_end, find = threading.Event(), threading.Event(), socket.getaddrinfo
+
+    def find_slowly(host: str, *given: Any, **named: Any) -> Any:
+        if host == "nobody.example":
+            begun.set()
+            may_end.wait(10)
+            raise socket.gaierror("nobody knows it")
+        return find(host, *given, **named)
+
+    monkeypatch.setattr(socket, "getaddrinfo", find_slowly)
+    monkeypatch.setattr(cot, "SEND_S", 0.3)
+    monkeypatch.setattr(handed_over, "FINDING_NAMES_S", 0.2)
+    server = WebServer(root, HttpAddress("127.0.0.1", 0), settings=WebSettings(cot="udp:nobody.example:6969"))
+    client = Client(server.start())
+    try:
+        answer, body = posted(client, "/api/v1/finds/1/cot")  # in less than the client's 5 s
+        assert (answer.status, b"its name is not found" in body) == (409, True)
+        assert begun.is_set()
+        answer, body = posted(client, "/api/v1/finds/1/cot")
+        assert (answer.status, b"Another find is being sent" in body) == (409, True)
+        may_end.set()
+        deadline = time.monotonic() + 5
+        while b"Another find" in body and time.monotonic() < deadline:
+            answer, body = posted(client, "/api/v1/finds/1/cot")
+        assert (answer.status, b"nobody knows it" in body) == (409, True)
+    finally:
+        may_end.set()
+        server.stop()
+
+
+@pytest.mark.long
+def test_an_event_without_a_readable_ledger_is_refused_in_a_sentence(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found(root)
+
+    def unread(*_: object) -> None:
+        raise UsageError("no ledger can be read")
+
+    monkeypatch.setattr(FlightView, "capture_time", unread)
+    server = WebServer(root, HttpAddress("127.0.0.1", 0))
+    answer, body = Client(server.start()).ask("/api/v1/finds/1/event.cot")
+    server.stop()
+    assert (answer.status, body) == (409, b"no ledger can be read\n")

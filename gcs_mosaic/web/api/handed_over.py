@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from aiohttp import web
 
@@ -28,7 +30,11 @@ from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Media, Operations
 from gcs_mosaic.web.guard import POLICY
 from gcs_mosaic.web.tile_answer import tagged
 
+if TYPE_CHECKING:
+    from gcs_mosaic.handover.cot_address import CotAddress
+
 OPERATIONS = Operations()
+FINDING_NAMES_S = 1.0  # what looking up a name, which has no limit of its own, may take beyond all that has one
 Pinned = tuple[Sequence[SetPin], bool]  # the pins, and whether positions may lay the map
 TYPES = {
     "plan": "application/x-qgc-plan+json",
@@ -71,6 +77,39 @@ class SentAnswer:
     """Whom a find was sent to; over UDP nobody says whether it came."""
 
     sent_to: str
+
+
+class Sender:
+    """One thread on which finds are sent, one after another: a name that nobody knows, or a network that is away, holds up no
+    question."""
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="sender")
+        self._sending: Future[None] | None = None
+
+    async def send(self, event: str, address: CotAddress) -> None:
+        """Raises UsageError where it is not sent."""
+        from gcs_mosaic.handover.cot import SEND_S, not_sent, send_cot
+
+        if self._sending is not None and not self._sending.done():
+            raise UsageError("Another find is being sent: send this one in some seconds.")
+        self._sending = self._pool.submit(send_cot, event, address, SEND_S)
+        try:
+            await asyncio.wait_for(asyncio.wrap_future(self._sending), SEND_S + FINDING_NAMES_S)
+        except TimeoutError as error:
+            raise not_sent(address, "its name is not found") from error
+
+    async def end(self, _: web.Application) -> None:
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+SENDER = web.AppKey("sender", Sender)
+
+
+def add_sending(app: web.Application) -> None:
+    """Send finds as long as the application runs."""
+    app[SENDER] = Sender()
+    app.on_cleanup.append(app[SENDER].end)
 
 
 @OPERATIONS.add(
@@ -151,11 +190,13 @@ async def event(request: web.Request) -> web.StreamResponse:
     f"{ONE}/cot",
     Reply("It was sent.", SentAnswer),
     body=SendBody,
-    failures={409: "It was not sent, and why: no anchor, no address in the settings, nobody there.", **NO_NUMBER},
+    failures={
+        409: "It was not sent, and why: no anchor, no address in the settings, nobody there, another one on its way.",
+        **NO_NUMBER,
+    },
 )
 async def send(request: web.Request) -> web.StreamResponse:
     """Send a find as an event of Cursor on Target to the address that the settings name (`web: {cot: …}`), and nowhere else."""
-    from gcs_mosaic.handover.cot import send_cot
     from gcs_mosaic.handover.cot_address import cot_address
 
     await asked_body(request, SendBody)
@@ -164,7 +205,7 @@ async def send(request: web.Request) -> web.StreamResponse:
         raise web.HTTPConflict(text="The settings name nobody to send finds to: web: {cot: 'udp:239.2.3.1:6969'}.\n")
     text = await _event(request)
     try:
-        await in_thread(request, send_cot, text, cot_address(told), pool=SLOW_POOL)
+        await request.app[SENDER].send(text, cot_address(told))
     except UsageError as error:
         raise web.HTTPConflict(text=f"{error}\n") from error
     return answer(SentAnswer(sent_to=told))
@@ -176,8 +217,8 @@ async def _event(request: web.Request) -> str:
 
     one, view = await _find(request), request.app[VIEW]
     number = one.place.number
-    taken = None if number is None else await in_thread(request, view.capture_time, number)
     try:
+        taken = None if number is None else await in_thread(request, view.capture_time, number)
         return as_cot(one, view.root.resolve().name, taken, time.time())
     except UsageError as error:
         raise web.HTTPConflict(text=f"{error}\n") from error

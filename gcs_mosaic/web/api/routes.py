@@ -69,6 +69,7 @@ def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings
     integral.add_lenses(app)
     frames.keep_pieces(app)
     movers.keep_search(app)
+    handed_over.add_sending(app)
     for room in ROOMS:
         add_operations(app, room.OPERATIONS)
 
