@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -31,10 +32,8 @@ class Seen:
 
 def tracks_of(seen: Sequence[Seen]) -> list[list[Seen]]:
     """Tracks of LEAST_LOOKS things or more, each thing in one of them at most; the longest, then the straightest, first."""
-    turns: dict[int, list[Seen]] = {}
-    for one in seen:
-        turns.setdefault(one.turn, []).append(one)
-    begun = sorted(_beginnings(turns), key=lambda found: found[0])
+    turns = _Turns(seen)
+    begun = sorted(_beginnings(seen, turns), key=lambda found: found[0])
     taken = set[int]()
     tracks = []
     for _, three in begun:
@@ -47,41 +46,62 @@ def tracks_of(seen: Sequence[Seen]) -> list[list[Seen]]:
     return sorted(tracks, key=lambda track: -len(track))
 
 
-def _beginnings(turns: dict[int, list[Seen]]) -> Iterator[tuple[float, tuple[Seen, Seen, Seen]]]:
+class _Turns:
+    """Things by the turn in which they were seen."""
+
+    def __init__(self, seen: Sequence[Seen]) -> None:
+        self._things: dict[int, list[Seen]] = {}
+        for one in seen:
+            self._things.setdefault(one.turn, []).append(one)
+        self._facts = {
+            turn: np.array([(one.x, one.y, one.size, one.contrast) for one in things]).T
+            for turn, things in self._things.items()
+        }
+        self._beside: dict[tuple[int, int], list[Seen]] = {}
+
+    def beside(self, one: Seen, step: int) -> list[Seen]:
+        """What may be the same thing in the look after one (a step of 1), or before it (-1)."""
+        key = id(one), step
+        if key not in self._beside:
+            self._beside[key] = self._sought(one, one.turn + step)
+        return self._beside[key]
+
+    def _sought(self, one: Seen, turn: int) -> list[Seen]:
+        if turn not in self._things:
+            return []
+        x, y, sizes, contrasts = self._facts[turn]
+        size, smaller = np.maximum(sizes, one.size), np.minimum(sizes, one.size)
+        way = np.hypot(x - one.x, y - one.y)
+        strong, weak = (of(np.abs(contrasts), abs(one.contrast)) for of in (np.maximum, np.minimum))
+        is_alike = (contrasts * one.contrast > 0) & (size <= ALIKE_SIZE * smaller) & (strong <= ALIKE_CONTRAST * weak)
+        may_be = is_alike & (LEAST_WAY * size < way) & (way < FARTHEST * size)
+        return [self._things[turn][index] for index in np.flatnonzero(may_be)]
+
+
+def _beginnings(seen: Sequence[Seen], turns: _Turns) -> Iterator[tuple[float, tuple[Seen, Seen, Seen]]]:
     """Three in a row that may be one thing, and by how much they miss an even way (times what is allowed)."""
-    for turn, firsts in turns.items():
-        for first in firsts:
-            for second in turns.get(turn + 1, ()):
-                if not _may_follow(first, second):
-                    continue
-                for third in turns.get(turn + 2, ()):
-                    if _may_follow(second, third) and (missed := _missed(first, second, third)) < 1:
-                        yield missed, (first, second, third)
+    for first in seen:
+        for second in turns.beside(first, 1):
+            for third in turns.beside(second, 1):
+                if (missed := _missed(first, second, third)) < 1:
+                    yield missed, (first, second, third)
 
 
-def _continued(track: list[Seen], turns: dict[int, list[Seen]], taken: set[int], step: int) -> list[Seen]:
+def _continued(track: list[Seen], turns: _Turns, taken: set[int], step: int) -> list[Seen]:
     """A track with what comes after its end; by a step of -1, of one that is turned round, before it."""
     while True:
         *_, before, last = track
-        nexts = [one for one in turns.get(last.turn + step, ()) if id(one) not in taken and _may_follow(last, one)]
+        nexts = [one for one in turns.beside(last, step) if id(one) not in taken]
         best = min(nexts, key=lambda one: _missed(before, last, one), default=None)
         if best is None or _missed(before, last, best) >= 1:
             return track
         track.append(best)
 
 
-def _may_follow(one: Seen, other: Seen) -> bool:
-    size = max(one.size, other.size)
-    way = np.hypot(other.x - one.x, other.y - one.y)
-    is_alike = one.contrast * other.contrast > 0 and size <= ALIKE_SIZE * min(one.size, other.size)
-    strength = sorted((abs(one.contrast), abs(other.contrast)))
-    return bool(is_alike and strength[1] <= ALIKE_CONTRAST * strength[0] and LEAST_WAY * size < way < FARTHEST * size)
-
-
 def _missed(first: Seen, second: Seen, third: Seen) -> float:
     """How far from where it was to be at an even speed, times what is allowed."""
-    step = np.array([second.x - first.x, second.y - first.y])
+    step_x, step_y = second.x - first.x, second.y - first.y
     ratio = abs(third.time - second.time) / max(abs(second.time - first.time), 1e-6)
-    to_be = np.array([second.x, second.y]) + np.clip(ratio, 0.2, 5.0) * step
-    allowed = ASIDE * max(first.size, second.size, third.size) + OF_STEP * np.hypot(*step)
-    return float(np.hypot(third.x - to_be[0], third.y - to_be[1]) / allowed)
+    times = min(max(ratio, 0.2), 5.0)
+    allowed = ASIDE * max(first.size, second.size, third.size) + OF_STEP * math.hypot(step_x, step_y)
+    return math.hypot(third.x - second.x - times * step_x, third.y - second.y - times * step_y) / allowed

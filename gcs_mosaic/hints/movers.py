@@ -5,6 +5,7 @@ Sought while somebody asks, a piece of work with each question, so that it costs
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import OrderedDict
@@ -13,11 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.moved_blobs import AROUND, moved_in
 from gcs_mosaic.hints.mover_tracks import Seen, tracks_of
 from gcs_mosaic.stitch.arrays import Array, FloatImage, PointsNx2
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of, places_of
 from gcs_mosaic.views.ground_window import GroundWindow, OnGround, flat_picture, laid
+
+logger = logging.getLogger(__name__)
 
 BESIDE = (
     3  # looks before and after one that it is compared with: with four fifths of overlap they see most of its ground
@@ -26,6 +30,8 @@ LONGER_SIDE = 1000  # cells of a frame's window at most
 FINEST = 2.0  # pixels of the frame that a cell is wide at least: what is compared lies apart by a pixel or two
 KEPT_PICTURES = 2 * BESIDE + 2  # of half a megapixel each, float32
 WORK_S = 1.0  # for each question; a frame that was begun is finished
+REST = 20.0  # tracks are linked again after so many times as much as linking them cost of a core: 5 % of it
+KEPT_ISLANDS = 4  # whose tracks are remembered
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +42,15 @@ class Movers:
     tracks: Sequence[Sequence[Seen]]
     searched: int
     frames: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """An answer. `made`: of which revision, and after how many searched frames; `due`: monotonic seconds."""
+
+    made: tuple[int, int]
+    due: float
+    movers: Movers
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +74,14 @@ class MoverSearch:
         self._view = view
         self._lock = threading.Lock()
         self._found: dict[int, _Found] = {}  # by the number of the frame
+        self._searched = 0  # frames, some of them again
         self._flat: OrderedDict[int, FloatImage] = OrderedDict()
+        self._telling = threading.Lock()
+        self._answers: OrderedDict[int, _Told] = OrderedDict()  # by island
 
     def ask(self, island: int, work_s: float = WORK_S) -> Movers:
-        """What is known of an island, after so many seconds of further work; at once while another's question is worked on."""
+        """What is known of an island, after so many seconds of further work; at once while another's question is worked on. The
+        answer may be one of a moment ago: it tells of how many frames it is made."""
         table = self._view.table()
         series = _series(table, island)
         if self._lock.acquire(blocking=False):
@@ -70,7 +89,21 @@ class MoverSearch:
                 self._work(table, series, time.monotonic() + work_s)
             finally:
                 self._lock.release()
-        return self._told(table, series)
+        with self._telling:
+            return self._answer(island, table, series)
+
+    def _answer(self, island: int, table: FrameTable, series: Sequence[list[int]]) -> Movers:
+        made, known = (table.revision, self._searched), self._answers.get(island)
+        if known is None or (known.made != made and time.monotonic() >= known.due):
+            begun = time.thread_time()
+            movers = self._told(table, series)
+            cost = time.thread_time() - begun
+            known = _Told(made, time.monotonic() + REST * cost, movers)
+            self._answers[island] = known
+        self._answers.move_to_end(island)
+        while len(self._answers) > KEPT_ISLANDS:
+            self._answers.popitem(last=False)
+        return known.movers
 
     def _work(self, table: FrameTable, series: Sequence[list[int]], end: float) -> None:
         for indices in series:
@@ -83,15 +116,27 @@ class MoverSearch:
                     continue
                 if time.monotonic() >= end:
                     return
-                self._found[number] = self._search(table, index, numbers)
+                self._found[number] = self._searched_or_nothing(table, index, numbers)
+                self._searched += 1
+
+    def _searched_or_nothing(self, table: FrameTable, index: int, beside: tuple[int, ...]) -> _Found:
+        """A frame that cannot be searched is not tried with each question, and does not keep the others from being searched.
+        Raises UsageError while the flight's ledger cannot be read, which is no fault of the frame."""
+        try:
+            return self._search(table, index, beside)
+        except UsageError:
+            raise
+        except Exception:
+            logger.exception("frame %s cannot be searched for what moves", table.frames[index].number)
+            return _nothing(beside)
 
     def _search(self, table: FrameTable, index: int, beside: tuple[int, ...]) -> _Found:
-        number, nothing = table.frames[index].number, np.empty(0)
+        number = table.frames[index].number
         lies = self._lying(number)
         window = _window_of(table, index)
         own = None if lies is None or window is None else self._look(number, lies, window)
         if lies is None or window is None or own is None:
-            return _Found(beside, np.empty((0, 2)), 1.0, nothing, nothing)
+            return _nothing(beside)
         others = [
             look
             for other in beside
@@ -160,6 +205,10 @@ class MoverSearch:
             for (x, y), (px, py), size, contrast in every
             if np.isfinite(x)
         ]
+
+
+def _nothing(beside: tuple[int, ...]) -> _Found:
+    return _Found(beside, np.empty((0, 2)), 1.0, np.empty(0), np.empty(0))
 
 
 def _series(table: FrameTable, island: int) -> list[list[int]]:

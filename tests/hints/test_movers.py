@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gcs_mosaic.hints import movers
 from gcs_mosaic.hints.mover_tracks import Seen, tracks_of
 from gcs_mosaic.hints.movers import Movers, MoverSearch
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.views.flight_view import FlightView, FrameTable
 from tests.views.drawn_flight import Drawn, Things, drawn_flight, laid_at
 
 LOOKS = 7
@@ -77,6 +80,57 @@ def test_an_original_that_is_gone_stops_nothing(tmp_path: Path) -> None:
     view = flight(tmp_path, [laid_at(200.0 + 24 * n, 240.0) for n in range(LOOKS)])
     (view.root / "frames" / "3.png").unlink()
     assert searched(view).searched == LOOKS
+
+
+@pytest.mark.long
+def test_a_frame_that_cannot_be_searched_stops_nothing_and_is_tried_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    search, tried = MoverSearch(flight(tmp_path, [laid_at(0, 0)] * LOOKS)), list[int]()
+
+    def fail(self: MoverSearch, table: FrameTable, index: int, beside: tuple[int, ...]) -> None:
+        tried.append(index)
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(MoverSearch, "_search", fail)
+    while search.ask(0).searched < LOOKS:
+        assert len(tried) <= LOOKS
+    assert tried == list(range(LOOKS))
+    assert "frame 1 cannot be searched" in caplog.text
+
+
+@pytest.mark.long
+def test_what_has_not_changed_is_not_linked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    search = MoverSearch(flight(tmp_path, [laid_at(0, 0)] * LOOKS))
+    while (found := search.ask(0)).searched < LOOKS:
+        pass
+    monkeypatch.setattr(movers, "tracks_of", lambda seen: pytest.fail("nothing has changed"))
+    assert search.ask(0) is found
+
+
+@pytest.mark.long
+def test_linking_again_waits_for_many_times_what_it_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    view, linked = flight(tmp_path, [laid_at(0, 0)] * LOOKS), list[int]()
+
+    def link(seen: Sequence[Seen]) -> list[list[Seen]]:
+        linked.append(len(seen))
+        end = time.thread_time() + 0.1
+        while time.thread_time() < end:
+            pass
+        return []
+
+    monkeypatch.setattr(movers, "tracks_of", link)
+    monkeypatch.setattr(movers, "REST", 1000.0)
+    search = MoverSearch(view)
+    for _ in range(LOOKS + 1):
+        search.ask(0, work_s=1e-9)
+    assert len(linked) == 1
+    monkeypatch.setattr(movers, "REST", 0.0)
+    search = MoverSearch(view)
+    for _ in range(LOOKS + 1):
+        found = search.ask(0, work_s=0.05)
+    assert len(linked) > 2
+    assert found.searched > 0
 
 
 def seen(turn: int, x: float, contrast: float = 1.0, size: float = 4.0) -> Seen:
