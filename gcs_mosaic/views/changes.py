@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,6 +37,7 @@ MOST_AREAS = 200
 BAND = 512  # rows compared at a time
 SAMPLE = 97  # every so manieth cell tells the usual difference
 WORK_S = 1.0  # for each question; a frame that was begun is finished
+KEPT_ISLANDS = 2  # of 72 MB at most each while they are compared, and half of it afterwards
 MOST_BYTES = 1 << 16
 
 
@@ -95,11 +97,13 @@ class FlightChanges:
     def __init__(self, view: FlightView) -> None:
         self._view = view
         self._lock = threading.Lock()
-        self._island: tuple[int, _Island] | None = None  # the one that was asked for last
+        self._islands: OrderedDict[int, _Island] = OrderedDict()  # the one that was asked for last at the end
 
     def ask(self, island: int, work_s: float = WORK_S) -> Compared:
-        """What is known of an island after some seconds of further work."""
-        with self._lock:
+        """What is known of an island after some seconds of further work; at once while another's question is worked on."""
+        if not self._lock.acquire(blocking=False):
+            return self._so_far(island)
+        try:
             table = self._view.table()
             one = self._begun(island, table)
             if one is None:
@@ -107,23 +111,34 @@ class FlightChanges:
             end = time.monotonic() + work_s
             while one.left and time.monotonic() < end:
                 self._add(one, *one.left.pop(0))
-            if one.left:
-                return Compared(one.revision, one.frames - len(one.left), one.frames)
-            if one.found is None:
+            if not one.left and one.found is None:
                 one.found = _compared(one)
                 one.pictures, one.depths = [], []
-            return one.found
+            return _told(one)
+        finally:
+            self._lock.release()
 
     def known(self, island: int) -> Compared | None:
         """What has been compared whole; None before."""
-        known = self._island
-        return known[1].found if known is not None and known[0] == island else None
+        known = self._islands.get(island)
+        return None if known is None else known.found
+
+    def _so_far(self, island: int) -> Compared:
+        """Without waiting for who works."""
+        known = self._islands.get(island)
+        if known is not None:
+            return _told(known)
+        table = self._view.table()
+        frames = int(_indices_of(island, table).size) if merged_flights(self._view, table)[0] else 0
+        return Compared(table.revision, 0, frames)
 
     def _begun(self, island: int, table: FrameTable) -> _Island | None:
-        if self._island is not None and self._island[0] == island and self._island[1].revision == table.revision:
-            return self._island[1]
+        known = self._islands.get(island)
+        if known is not None and known.revision == table.revision:
+            self._islands.move_to_end(island)
+            return known
         names, of = merged_flights(self._view, table)
-        ours = np.flatnonzero((table.islands == island) & np.isfinite(table.boxes).all(axis=1))
+        ours = _indices_of(island, table)
         if not names or not len(ours):
             return None
         window = _window_over(table, ours)
@@ -133,7 +148,10 @@ class FlightChanges:
         pictures = [np.zeros(shape, np.float16) for _ in range(2)]
         depths = [np.zeros(shape, np.uint16) for _ in range(2)]
         begun = _Island(table.revision, window, left, len(left), pictures, depths)
-        self._island = island, begun
+        self._islands[island] = begun
+        self._islands.move_to_end(island)
+        while len(self._islands) > KEPT_ISLANDS:
+            self._islands.popitem(last=False)
         return begun
 
     def _add(self, one: _Island, flight: int, number: int) -> None:
@@ -153,6 +171,18 @@ class FlightChanges:
         better = depth > one.depths[flight][there]
         one.depths[flight][there][better] = np.minimum(np.ceil(depth[better]), 65535).astype(np.uint16)
         one.pictures[flight][there][better] = shown[..., 0][better]
+
+
+def _told(one: _Island) -> Compared:
+    if one.found is not None:
+        return one.found
+    done = one.frames - max(1, len(one.left))  # all are done only as soon as the changes are told with it
+    return Compared(one.revision, done, one.frames)
+
+
+def _indices_of(island: int, table: FrameTable) -> Counts:
+    """An island's frames that see some ground, in a table."""
+    return np.flatnonzero((table.islands == island) & np.isfinite(table.boxes).all(axis=1))
 
 
 def _compared(one: _Island) -> Compared:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -60,6 +62,36 @@ def test_what_came_and_what_went_is_found(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_light_and_a_pixel_beside_are_no_change(tmp_path: Path) -> None:
     assert whole(FlightChanges(flights(tmp_path, nothing, nothing, off=1.5))).areas == []
+
+
+def test_who_asks_meanwhile_is_answered_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    changes, meanwhile = FlightChanges(flights(tmp_path, nothing, nothing)), list[Compared]()
+
+    def ask(*_: object) -> None:
+        with ThreadPoolExecutor(1) as other:
+            meanwhile.append(other.submit(changes.ask, 0).result(5))
+
+    monkeypatch.setattr(FlightChanges, "_add", ask)
+    found = whole(changes)
+    assert found.done == found.frames == 8
+    assert [one.done for one in meanwhile] == [0, 1, 2, 3, 4, 5, 6, 7, 7][1:]
+    assert {(one.frames, one.strength is None) for one in meanwhile} == {(8, True)}
+
+
+def test_two_who_look_at_two_islands_keep_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    view, added = flights(tmp_path, nothing, nothing), list[int]()
+    table = view.table()
+    islands = table.islands.copy()
+    islands[::2] = 1
+    monkeypatch.setattr(FlightView, "table", lambda self, at_least=0: replace(table, islands=islands))
+    monkeypatch.setattr(FlightChanges, "_add", lambda self, one, flight, number: added.append(number))
+    changes = FlightChanges(view)
+    for _ in range(4):
+        for island in (0, 1):
+            changes.ask(island, work_s=1e-6)
+    for island in (0, 1):
+        assert changes.ask(island).done == 4
+    assert sorted(added) == list(range(1, 9))
 
 
 def test_flights_are_told_in_order_of_time(tmp_path: Path) -> None:
