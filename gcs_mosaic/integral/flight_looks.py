@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
@@ -81,14 +82,32 @@ def _look(view: FlightView, number: int, painted: RenderItem, window: GroundWind
     image = original_pixels(view, record, reduction)
     if isinstance(image, Unreadable) or not painted.display.fits(image):
         return None
-    return _cut(painted, image, window, reduction / scale)
+    return coarsened(_cut(painted, image, window, reduction / scale), window, reduction * _own(painted, window, scale))
 
 
 def _reduction(painted: RenderItem, window: GroundWindow, scale: float) -> int:
     """So many times smaller the original is read, and still is as fine as the window's pixels."""
-    middle = pixels_of(painted, np.array([[window.x, window.y]]))
-    own = float(ground_sampling_distance(painted.pose, painted.camera, middle)[0]) / scale
+    own = _own(painted, window, scale)
     return max(one for one in REDUCTIONS if one == 1 or one * own <= window.cell)
+
+
+def _own(painted: RenderItem, window: GroundWindow, scale: float) -> float:
+    """Canvas units of a pixel of the original at the window's middle. `scale`: px of the original for each of the camera's."""
+    middle = pixels_of(painted, np.array([[window.x, window.y]]))
+    return float(ground_sampling_distance(painted.pose, painted.camera, middle)[0]) / scale
+
+
+def coarsened(look: GroundLook, window: GroundWindow, gsd: float) -> GroundLook:
+    """No finer than the window's pixels, so that what is kept does not grow with the ground that a lens is laid over. `gsd`: of
+    the look's image, in canvas units. Up to a pixel of the window is lost at the right and at the bottom."""
+    height, width = look.image.shape[:2]
+    times = min(int(window.cell / gsd), height, width)
+    if times < 2:
+        return look
+    rows, columns = height // times, width // times
+    whole = look.image[: rows * times, : columns * times]
+    image = np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
+    return replace(look, image=image.reshape(rows, columns, -1), reduction=look.reduction * times)
 
 
 def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: float) -> GroundLook:

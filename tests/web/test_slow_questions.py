@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import handed_over
+from gcs_mosaic.web.api.common import OneThread
 from gcs_mosaic.web.server import WebServer
 from tests.handover.gapped import gapped_flight
 from tests.web.test_app import Client
@@ -60,3 +63,18 @@ def test_as_many_slow_ones_as_there_are_threads_leave_quick_ones_alone(
         held.may_end.set()
         for one in asking:
             one.join(5)
+
+
+def test_who_comes_while_many_wait_is_told_so_and_others_are_served() -> None:
+    async def ask() -> None:
+        thread, may_end = OneThread("slow", 2), threading.Event()
+        waiting = [asyncio.ensure_future(thread.run(may_end.wait, 10)) for _ in range(2)]
+        await asyncio.sleep(0)
+        with pytest.raises(web.HTTPServiceUnavailable):
+            await thread.run(may_end.is_set)
+        may_end.set()
+        assert await asyncio.gather(*waiting) == [True, True]
+        assert await thread.run(may_end.is_set)
+        thread.end()
+
+    asyncio.run(ask())

@@ -39,6 +39,32 @@ async def in_thread(
     return await asyncio.get_running_loop().run_in_executor(request.app[pool], work, *given)
 
 
+class OneThread:
+    """A thread for one kind of work that takes long; who comes while `most` wait is told so, instead of waiting ever longer."""
+
+    def __init__(self, name: str, most: int) -> None:
+        self.pool = ThreadPoolExecutor(1, thread_name_prefix=name)
+        self._most = most
+        self._waiting = 0
+
+    async def run(self, work: Callable[..., Result], *given: Any) -> Result:
+        """For a question. Raises HTTPServiceUnavailable."""
+        if self._waiting >= self._most:
+            raise web.HTTPServiceUnavailable(text="Too many ask for this at once: ask again in a moment.\n")
+        self._waiting += 1
+        try:
+            return await self.run_anyway(work, *given)
+        finally:
+            self._waiting -= 1
+
+    async def run_anyway(self, work: Callable[..., Result], *given: Any) -> Result:
+        """For what nobody asks for."""
+        return await asyncio.get_running_loop().run_in_executor(self.pool, work, *given)
+
+    def end(self) -> None:
+        self.pool.shutdown(wait=False, cancel_futures=True)
+
+
 async def map_revision(request: web.Request, at_least: int = 0) -> int:
     """Of the frames as they are known now; to be asked before an answer is made of them."""
     return (await in_thread(request, request.app[VIEW].table, at_least)).revision

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeVar
@@ -27,7 +26,7 @@ from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.coverage import nearest_cells
 from gcs_mosaic.views.layers import grid_of, is_possible, stops_of, tile_picture
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, missing
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, OneThread, answer, in_thread, missing
 from gcs_mosaic.web.api.layers import PLACE, TILES
 from gcs_mosaic.web.api.notes import NOTES, Notes
 from gcs_mosaic.web.api.operations import NO_NOTES, Media, Operations, Reply
@@ -38,6 +37,7 @@ Result = TypeVar("Result")
 By = Literal["anchor", "distance", "pixels"]
 ASKED_S = 20.0  # frames are measured for so long after somebody has asked
 PAUSE_S = 0.3
+MOST_WAITING = 32  # a browser asks for six tiles at once: five pages
 COLOURS = cv2.COLORMAP_VIRIDIS
 MOST_CORNERS = 200
 NO_SCALE = (
@@ -96,24 +96,24 @@ class Measuring:
     def __init__(self, detections: Detections) -> None:
         self.detections = detections
         self._asked = -ASKED_S
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="detection")
+        self._thread = OneThread("detection", MOST_WAITING)
 
     def note_asked(self) -> None:
         """Somebody is looking."""
         self._asked = time.monotonic()
 
     async def run(self, work: Callable[..., Result], *given: Any) -> Result:
-        """Run blocking work on that thread."""
-        return await asyncio.get_running_loop().run_in_executor(self._pool, work, *given)
+        """Run blocking work on that thread. Raises HTTPServiceUnavailable."""
+        return await self._thread.run(work, *given)
 
     async def for_ever(self) -> None:
         while True:
             is_asked = time.monotonic() - self._asked < ASKED_S
-            if not is_asked or not await self.run(self.detections.step):
+            if not is_asked or not await self._thread.run_anyway(self.detections.step):
                 await asyncio.sleep(PAUSE_S)
 
     def end(self) -> None:
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._thread.end()
 
 
 MEASURING = web.AppKey("measuring", Measuring)

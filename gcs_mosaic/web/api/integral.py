@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import base64
 from collections.abc import AsyncIterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,7 +13,7 @@ from aiohttp import web
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, map_revision
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, OneThread, answer, map_revision
 from gcs_mosaic.web.api.operations import Operations, Reply
 
 if TYPE_CHECKING:
@@ -23,8 +22,10 @@ if TYPE_CHECKING:
 OPERATIONS = Operations()
 PATH = f"{BASE}/islands/{{island:[0-9]{{1,6}}}}/integral"
 FORGET_EVERY_S = 30.0
+MOST_WAITING = 8  # each page has one on its way, and each takes a second or two
 NO_INTEGRAL = {
-    409: "There is no integral, and why: a place seen once, looks that do not overlap, originals that are gone."
+    409: "There is no integral, and why: a place seen once, looks that do not overlap, originals that are gone.",
+    503: "Too many lenses are asked for at once.",
 }
 Form = Literal["mean", "median", "min", "max", "deviation"]
 Far = Annotated[float, Limits(least=-1e9, most=1e9)]
@@ -85,11 +86,11 @@ class IntegralAnswer:
     hints: Sequence[HotPlaceAnswer]
 
 
-class LensThread:
+class LensThread(OneThread):
     """One thread for whoever looks, so that not more than one picture is in the making. Its keeper is made when it is needed."""
 
     def __init__(self) -> None:
-        self.pool = ThreadPoolExecutor(1, thread_name_prefix="lens")
+        super().__init__("lens", MOST_WAITING)
         self.keeper: LensKeeper | None = None
 
 
@@ -107,9 +108,8 @@ async def integral(request: web.Request) -> web.StreamResponse:
     """All looks at a place laid together in focus at a height: what is there stands still, leaves above it blur away."""
     asked, revision = asked_query(request, IntegralQuery), await map_revision(request)
     thread, island = request.app[LENSES], int(request.match_info["island"])
-    work = asyncio.get_running_loop().run_in_executor(thread.pool, _looked, request.app, island, asked, revision)
     try:
-        return answer(await work)
+        return answer(await thread.run(_looked, request.app, island, asked, revision))
     except UsageError as error:
         raise web.HTTPConflict(text=f"{error}\n") from error
 
@@ -171,9 +171,9 @@ async def _forgetting(app: web.Application) -> AsyncIterator[None]:
         while True:
             await asyncio.sleep(FORGET_EVERY_S)
             if thread.keeper is not None:
-                await asyncio.get_running_loop().run_in_executor(thread.pool, thread.keeper.forget)
+                await thread.run_anyway(thread.keeper.forget)
 
     task = asyncio.create_task(forget())
     yield
     task.cancel()
-    thread.pool.shutdown(wait=False, cancel_futures=True)
+    thread.end()
