@@ -21,11 +21,13 @@ export class Movers {
     this.list = byId("movers-list");
     this.lines = L.layerGroup();
     this.known = "";
+    this.island = undefined; // whose tracks are shown
     this.timer = 0;
     this.on.onclick = () => {
       this.on.setAttribute("aria-pressed", String(this.on.ariaPressed !== "true"));
       this.turn();
     };
+    this.map.map.on("layeradd", () => this.isWanted && this.map.layer?.island !== this.island && this.read());
     this.panel.addEventListener("opened", () => this.turn());
     this.panel.addEventListener("closed", () => this.turn());
   }
@@ -45,6 +47,7 @@ export class Movers {
   async read() {
     clearTimeout(this.timer);
     const island = this.map.layer?.island;
+    if (island !== this.island) this.clear(island);
     let wait = EVERY_MS;
     if (!document.hidden && island !== undefined) {
       const answer = await fetchDocument(`/api/v1/islands/${island}/movers`).catch(() => null); // those that are shown stay
@@ -53,6 +56,15 @@ export class Movers {
     }
     clearTimeout(this.timer);
     if (this.isWanted) this.timer = window.setTimeout(() => this.read(), wait);
+  }
+
+  /** Tracks of another island lie on no ground of this one. */
+  clear(island) {
+    this.island = island;
+    this.known = "";
+    this.lines.clearLayers();
+    this.list.replaceChildren();
+    this.told.textContent = "";
   }
 
   /** @param {number} island @param {Api.Movers} answer */

@@ -39,6 +39,7 @@ export class Trees {
     byId("trees-looks").onclick = () => this.place && this.showOriginals(this.place.island, this.place.x, this.place.y);
     byId("trees-close").onclick = () => this.close();
     byId("trees").addEventListener("closed", () => this.close());
+    this.map.map.on("layeradd", () => this.place && this.map.layer?.island !== this.place.island && this.close());
   }
 
   /** Open a lens about a place: 40 m of ground, or as much as a few hundred pixels of the frames show where no scale is known. */
