@@ -125,6 +125,19 @@ def test_who_does_not_look_is_not_counted(page: Page, url: str) -> None:
     assert share(page) > 0
 
 
+def test_who_has_zoomed_out_does_not_look(page: Page, url: str) -> None:
+    """At which a person is a quarter as large; the page tells the zoom at which it was looked at, not that of the key."""
+    someone = Helper(page, url)
+    someone.move()
+    for _ in range(3):
+        page.evaluate("document.querySelector('.leaflet-control-zoom-out').click()")
+        time.sleep(0.4)
+    someone.look()
+    time.sleep(0.5)
+    assert share(page) == 0
+    assert page.complaints == []
+
+
 def test_ground_that_was_painted_since_is_to_be_looked_at_again(page: Page, url: str, flight: SmallFlight) -> None:
     """And after a start of the server who has looked goes on."""
     someone = Helper(page, url)

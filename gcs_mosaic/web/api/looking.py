@@ -18,12 +18,13 @@ from gcs_mosaic.views.flight_view import FlightView, FrameTable
 from gcs_mosaic.web.api.asked import asked_body
 from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
 from gcs_mosaic.web.api.finds import ONE
-from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
+from gcs_mosaic.web.api.notes import NOTES, Canvas, IslandNumber, Notes, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 
 PATH = f"{BASE}/looking"
 OPERATIONS = Operations()
-COARSER = 2  # levels than an island's finest at which a look counts: as the page asks for what was reviewed
+COARSER = 1  # level than an island's finest at which a look counts: as the page shows what does not fit a small screen
+Edges = tuple[Canvas, Canvas, Canvas, Canvas]
 Session = Annotated[str, Limits(longest=40), "of an open page, at random"]
 
 
@@ -38,6 +39,7 @@ class PatchWishBody:
     level: Annotated[int, Limits(least=0, most=FINEST_LEVEL), "zoom at which the last patch was looked at"] = 0
     seconds: Annotated[float, Limits(least=0, most=LONGEST_LOOK_S), "that somebody looked at it"] = 0.0
     put_off: Annotated[bool, "look at the last patch later"] = False
+    looked: Annotated[Edges | None, "box of the last patch as the page shows it; null: it has none"] = None
     who: Who
 
 
@@ -55,7 +57,7 @@ class LentPatch:
 
     who: Who
     island: IslandNumber
-    box: Annotated[tuple[float, float, float, float], "left, top, right, bottom, on the island's canvas"]
+    box: Annotated[Edges, "left, top, right, bottom, on the island's canvas"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,7 +160,9 @@ def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, seen: dict[tupl
     finest = max((one.level for one in table.frames if one.island == asked.island), default=FINEST_LEVEL)
     least = max(0, finest - COARSER)
     before = notes.looking.looked(asked.session)
-    counted = before is not None and not asked.put_off and asked.seconds >= LEAST_LOOK_S and asked.level >= least
+    # Where an answer was lost the page still shows what it had before, and has never shown what is lent to it.
+    is_shown = before is not None and (before.island, before.box) == (asked.island, asked.looked)
+    counted = is_shown and not asked.put_off and asked.seconds >= LEAST_LOOK_S and asked.level >= least
     if before is not None and counted:
         newest = max((one.number for one in table.frames), default=0)
         look = ReviewedView(before.island, before.box, asked.level, asked.seconds, asked.who, newest)
@@ -171,7 +175,7 @@ def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, seen: dict[tupl
         island=asked.island,
         columns=asked.columns,
         lines=asked.lines,
-        put_off=asked.put_off,
+        put_off=asked.put_off and is_shown,
     )
     patch = notes.looking.next(place, open_cells)
     others = [one for one in notes.looking.lent() if one.session != asked.session and one.island == asked.island]
