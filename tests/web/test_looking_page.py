@@ -15,6 +15,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.views import flight_view
 from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.api import looking as looking_api
 from gcs_mosaic.web.server import WebServer
 from tests.factories import frame
 from tests.web.browser import CHROMIUM, Page
@@ -31,6 +32,7 @@ BEGIN = "document.getElementById('looking-begin').click()"
 def flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SmallFlight:
     for name in ("LEAST_REST_S", "MOST_REST_S"):
         monkeypatch.setattr(flight_view, name, 0.0)
+    monkeypatch.setattr(looking_api, "SHOWN_S", 0.0)
     return seen_flight(tmp_path)
 
 

@@ -107,14 +107,28 @@ export class Looking {
   take(answer, isTooShort) {
     if (!isTooShort) this.startCounting();
     this.patch = answer.patch;
+    this.bringNew(answer.map_revision);
     this.others = answer.others;
     this.show();
     const share = answer.cells ? Math.floor((100 * (answer.cells - answer.left)) / answer.cells) : 0;
     const told = [isTooShort ? t("Too short to count: look for a second.") : "", t("{share} % of this part is looked at.", { share })];
-    if (!answer.patch) told.unshift(answer.left ? t("Others have the rest.") : t("All of this part is looked at."));
+    if (!answer.cells) told.splice(0, 2, t("Nothing of this part is known now."));
+    else if (!answer.patch) told.unshift(answer.left ? t("Others have the rest.") : t("All of this part is looked at."));
     const unit = this.metresPerUnit();
     if (unit && answer.patch) told.push(t("A person is {px} px across.", { px: ((PERSON_M / unit) * this.perUnit()).toFixed(0) }));
     this.told.textContent = told.filter(Boolean).join(" ");
+  }
+
+  /** The patch is looked at as new as it was lent, even if nobody has told this page what was painted. */
+  bringNew(revision) {
+    const { layer } = this.map;
+    if (!this.patch || layer?.island !== this.patch.island || layer.revision >= revision) return;
+    const [left, top, right, bottom] = this.patch.box;
+    layer.refresh(revision, ({ z, x, y }) => {
+      const side = 256 * 2 ** (BASE_LEVEL - z);
+      const [x0, y0] = [x * side - 2 ** 23 - 0.5, y * side - 2 ** 23 - 0.5];
+      return x0 < right && x0 + side > left && y0 < bottom && y0 + side > top;
+    });
   }
 
   /** CSS pixels of a canvas unit. */
