@@ -117,7 +117,9 @@ class Reviews:
         known: dict[tuple[int, int], bool] = {}
         for x, y, seconds, stamp in self._looks(question):
             sums[x, y] = sums.get((x, y), 0.0) + seconds
-            is_known = bool(is_as_seen(np.int64(ALWAYS if stamp is None else stamp), np.int64(seen.get((x, y), 0))))
+            is_known = bool(
+                is_as_seen(*np.array([[ALWAYS if stamp is None else stamp], [seen.get((x, y), 0)]], np.int64)).all()
+            )
             known[x, y] = known.get((x, y), False) or is_known
         return {cell for cell, seconds in sums.items() if known[cell] and seconds >= question.seconds}
 

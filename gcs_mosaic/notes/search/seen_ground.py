@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
@@ -24,6 +25,7 @@ COUNT = 1 << 32  # a stamp is so many times the number of frames, and the number
 NUMBERS = COUNT - 1
 SUB_CELL_BITS = 8
 FARTHEST = 1 << 30  # of what OpenCV takes
+Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ class SeenGround:
 
     x: int
     y: int
-    stamps: Array
+    stamps: Stamps
 
     @property
     def box(self) -> Box:
@@ -52,13 +54,11 @@ class SeenGround:
 NOTHING = SeenGround(0, 0, np.zeros((0, 0), np.int64))
 
 
-def is_as_seen(looked: Array, now: Array) -> Mask:
+def is_as_seen(looked: Stamps, now: Stamps) -> Mask:
     """Whether no frame has come to cells (n,) since they had the stamps `looked`: neither a newer one nor, placed late, an older
     one. Of looks from before frames were counted only the newest is known."""
     is_counted = looked >= COUNT
-    return np.asarray(
-        ((looked & NUMBERS) >= (now & NUMBERS)) & (~is_counted | (looked // COUNT >= now // COUNT)), dtype=bool
-    )
+    return np.asarray(((looked & NUMBERS) >= (now & NUMBERS)) & (~is_counted | (looked // COUNT >= now // COUNT)))
 
 
 def spans(box: Box) -> tuple[range, range]:

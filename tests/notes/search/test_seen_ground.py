@@ -13,7 +13,7 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.views.flight_view import FlightView
 from tests.notes.mapped import MappedFlight
 
-NEAR_HORIZON = 1.29  # of pitch: the upper edge lies some tens of flying heights away
+NEAR_HORIZON = 1.26  # of pitch: the upper edge lies some tens of flying heights away
 OVER_HORIZON = 1.4
 
 
