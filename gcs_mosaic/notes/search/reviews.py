@@ -115,11 +115,11 @@ class Reviews:
         """The same without those to which frames have come since: `seen` has the stamps of now."""
         sums: dict[tuple[int, int], float] = {}
         known: dict[tuple[int, int], bool] = {}
-        for x, y, seconds, stamp in self._looks(question):
+        looks = list(self._looks(question))
+        looked = np.array([ALWAYS if stamp is None else stamp for *_, stamp in looks], np.int64)
+        now = np.array([seen.get((x, y), 0) for x, y, *_ in looks], np.int64)
+        for (x, y, seconds, _), is_known in zip(looks, is_as_seen(looked, now).tolist(), strict=True):
             sums[x, y] = sums.get((x, y), 0.0) + seconds
-            is_known = bool(
-                is_as_seen(*np.array([[ALWAYS if stamp is None else stamp], [seen.get((x, y), 0)]], np.int64)).all()
-            )
             known[x, y] = known.get((x, y), False) or is_known
         return {cell for cell, seconds in sums.items() if known[cell] and seconds >= question.seconds}
 
