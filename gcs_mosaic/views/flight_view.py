@@ -59,6 +59,7 @@ class FrameTable:
     outlines: Array  # (n, 16, 2) canvas, clockwise from the top left of the frame; NaN above the horizon
     boxes: Array  # (n, 4) canvas: left, top, right, bottom; NaN where nothing is seen
     sharpness: Array  # (n,) beside the frames around, see `relative_sharpness`
+    since: Array  # (n,) when each was first known to lie on its island, monotonic seconds; -inf: in the first table that was read
 
     def near(self, island: int, box: Box) -> list[int]:
         """Indices of an island's frames whose bounding boxes touch a canvas box, in order of arrival."""
@@ -239,4 +240,12 @@ def table_of(revision: int, frames: Sequence[PositionRecord], before: FrameTable
     boxes[~np.isfinite(boxes).all(axis=1)] = np.nan
     islands = np.array([one.island for one in frames], dtype=int)
     sharpness = relative_sharpness(islands, boxes, [one.sharpness for one in frames])
-    return FrameTable(revision, frames, islands, outlines, boxes, sharpness)
+    return FrameTable(revision, frames, islands, outlines, boxes, sharpness, _since(frames, before))
+
+
+def _since(frames: Sequence[PositionRecord], before: FrameTable | None) -> Array:
+    if before is None or not before.frames:
+        return np.full(len(frames), -np.inf)
+    known = {(one.number, one.island): since for one, since in zip(before.frames, before.since, strict=True)}
+    now = time.monotonic()
+    return np.array([known.get((one.number, one.island), now) for one in frames], dtype=float)

@@ -15,6 +15,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.views import flight_view
 from gcs_mosaic.web.address import HttpAddress
+from gcs_mosaic.web.api import looking as looking_api
 from gcs_mosaic.web.server import WebServer
 from tests.factories import frame
 from tests.web.browser import CHROMIUM, Page
@@ -31,6 +32,7 @@ BEGIN = "document.getElementById('looking-begin').click()"
 def flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SmallFlight:
     for name in ("LEAST_REST_S", "MOST_REST_S"):
         monkeypatch.setattr(flight_view, name, 0.0)
+    monkeypatch.setattr(looking_api, "SHOWN_S", 0.0)
     return seen_flight(tmp_path)
 
 
@@ -123,6 +125,19 @@ def test_who_does_not_look_is_not_counted(page: Page, url: str) -> None:
     someone.look()
     page.wait_for(f"!{TOLD}.includes(' 0 %') && !{TOLD}.startsWith('0 %')")
     assert share(page) > 0
+
+
+def test_who_has_zoomed_out_does_not_look(page: Page, url: str) -> None:
+    """At which a person is a quarter as large; the page tells the zoom at which it was looked at, not that of the key."""
+    someone = Helper(page, url)
+    someone.move()
+    for _ in range(3):
+        page.evaluate("document.querySelector('.leaflet-control-zoom-out').click()")
+        time.sleep(0.4)
+    someone.look()
+    time.sleep(0.5)
+    assert share(page) == 0
+    assert page.complaints == []
 
 
 def test_ground_that_was_painted_since_is_to_be_looked_at_again(page: Page, url: str, flight: SmallFlight) -> None:

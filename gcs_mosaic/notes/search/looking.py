@@ -11,7 +11,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from gcs_mosaic.notes.search.reviews import CELL, Reviews
+from gcs_mosaic.notes.search.reviews import Reviews
+from gcs_mosaic.notes.search.seen_ground import CELL
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
@@ -66,6 +67,7 @@ class Looking:
         self._book, self._reviews, self._now = book, reviews, now
         self._until: dict[str, float] = {}  # of sessions
         self._put_off: dict[str, set[Cell]] = {}
+        self._stamps: dict[str, Mapping[Cell, int]] = {}  # of what sessions' patches showed when they were lent
         self._begun = now()
 
     def lent(self) -> list[Patch]:
@@ -83,8 +85,7 @@ class Looking:
 
     def give_back(self, session: str) -> None:
         """Somebody else may have it."""
-        self._until.pop(session, None)
-        self._put_off.pop(session, None)
+        self._forget(session)
         if self._book.rows("SELECT 1 FROM leases WHERE session = ?", session):
             with self._book.change(counts=False) as file:
                 file.write("DELETE FROM leases WHERE session = ?", session)
@@ -116,11 +117,23 @@ class Looking:
         """What is lent to a page."""
         return next((one for one in self.lent() if one.session == session), None)
 
+    def note(self, session: str, stamps: Mapping[Cell, int]) -> None:
+        """What a page's patch shows from now on: its looks count for no more than that."""
+        self._stamps[session] = stamps
+
+    def noted(self, session: str) -> Mapping[Cell, int] | None:
+        """None: not since the server was started."""
+        return self._stamps.get(session)
+
+    def at(self, asked: Place, own: Patch | None) -> Cell | None:
+        """Where somebody looked last."""
+        if own is not None and own.island == asked.island:
+            return own.x + own.columns // 2, own.y + own.lines // 2
+        return self._reviews.last_of(asked.who, asked.island)
+
     def _nearest(self, wanted: set[Cell], asked: Place, own: Patch | None) -> Cell:
         """To what was looked at last; else the first from the top left."""
-        at = self._reviews.last_of(asked.who, asked.island)
-        if own is not None and own.island == asked.island:
-            at = own.x + own.columns // 2, own.y + own.lines // 2
+        at = self.at(asked, own)
         if at is None:
             return min(wanted, key=lambda cell: (cell[1], cell[0]))
         x, y = at
@@ -155,11 +168,9 @@ class Looking:
         lent = {one.session for one in self.lent()}
         ended = [row["session"] for row in self._book.rows("SELECT session FROM leases") if row["session"] not in lent]
         for session in ended:
-            self._until.pop(session, None)
-            self._put_off.pop(session, None)
+            self._forget(session)
         return ended
 
-
-def open_of(seen: Mapping[Cell, int], until: Mapping[Cell, int]) -> set[Cell]:
-    """The cells that are to be looked at. `seen`: with the newest frame there, `until`: with the newest when they were."""
-    return {cell for cell, newest in seen.items() if until.get(cell, -1) < newest}
+    def _forget(self, session: str) -> None:
+        for known in (self._until, self._put_off, self._stamps):
+            known.pop(session, None)

@@ -13,23 +13,20 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
+from gcs_mosaic.notes.search.seen_ground import CELL, NUMBERS, SeenGround, is_as_seen, spans
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
-from gcs_mosaic.views.flight_view import FrameTable
+from gcs_mosaic.stitch.arrays import Mask
 
-CELL_LEVEL = 17  # a cell is a tile of this level: 128 canvas units, an eighth of a small frame
-CELL = 128.0  # canvas units
 MOST_CELLS = 4096  # of one look; from further away nobody reviews
-MOST_ASKED = 1 << 18  # cells of one question
 MOST_ROWS = 400_000  # 20 MB
 MOST_REVIEWERS = 100
 LONGEST_LOOK_S = 10.0  # of one report
 FLUSH_S = 10.0
-ALWAYS = 1 << 62  # a number above all frames'
+ALWAYS = 1 << 62 | NUMBERS  # a stamp above all others
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +38,7 @@ class ReviewedView:
     level: int
     seconds: float
     who: str
-    newest: int | None = None  # number of the newest frame on the map then
+    stamps: Mapping[tuple[int, int], int] | None = None  # of what its cells showed, as of `SeenGround`; None: not noted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +61,7 @@ class Reviews:
 
     def __init__(self, book: NotesBook) -> None:
         self._book = book
-        self._pending: dict[Key, tuple[float, float, int | None]] = {}  # seconds, utc, newest frame
+        self._pending: dict[Key, tuple[float, float, int | None]] = {}  # seconds, utc, stamp
         self._written = time.monotonic()
 
     def report(self, look: ReviewedView) -> int:
@@ -82,7 +79,8 @@ class Reviews:
         for x, y in cells:
             key = (look.island, x, y, look.who, look.level)
             before = self._pending.get(key)
-            self._pending[key] = ((before[0] if before else 0.0) + look.seconds, now, look.newest)
+            stamp = None if look.stamps is None else look.stamps.get((x, y), 0)
+            self._pending[key] = ((before[0] if before else 0.0) + look.seconds, now, stamp)
         return len(cells)
 
     def flush_if_due(self) -> None:
@@ -111,17 +109,33 @@ class Reviews:
 
     def reviewed(self, question: Question) -> set[tuple[int, int]]:
         """The cells (x, y) within the box that were reviewed as is asked, whatever was painted since."""
-        return set(self.reviewed_until(question))
+        return self.reviewed_as(question, {})
 
-    def reviewed_until(self, question: Question) -> dict[tuple[int, int], int]:
-        """The same, each with the number of the newest frame that was on the map when it was looked at last; `ALWAYS` where that
-        was not noted."""
+    def reviewed_as(self, question: Question, seen: Mapping[tuple[int, int], int]) -> set[tuple[int, int]]:
+        """The same without those to which frames have come since: `seen` has the stamps of now."""
         sums: dict[tuple[int, int], float] = {}
-        newest: dict[tuple[int, int], int] = {}
-        for x, y, seconds, frame in self._looks(question):
+        known: dict[tuple[int, int], bool] = {}
+        looks = list(self._looks(question))
+        looked = np.array([ALWAYS if stamp is None else stamp for *_, stamp in looks], np.int64)
+        now = np.array([seen.get((x, y), 0) for x, y, *_ in looks], np.int64)
+        for (x, y, seconds, _), is_known in zip(looks, is_as_seen(looked, now).tolist(), strict=True):
             sums[x, y] = sums.get((x, y), 0.0) + seconds
-            newest[x, y] = max(newest.get((x, y), 0), ALWAYS if frame is None else frame)
-        return {cell: newest[cell] for cell, seconds in sums.items() if seconds >= question.seconds}
+            known[x, y] = known.get((x, y), False) or is_known
+        return {cell for cell, seconds in sums.items() if known[cell] and seconds >= question.seconds}
+
+    def open_in(self, ground: SeenGround, island: int, level: int) -> Mask:
+        """Which cells of an island's ground (lines, columns) nobody has looked at as they are now, at this level or finer."""
+        is_open = np.asarray(ground.stamps > 0)
+        looks = [
+            (x, y, ALWAYS if stamp is None else stamp)
+            for x, y, _, stamp in self._looks(Question(island=island, box=ground.box, level=level))
+        ]
+        if looks and is_open.size:
+            x, y, looked = np.array(looks, np.int64).T
+            lines, columns = y - ground.y, x - ground.x
+            done = is_as_seen(looked, ground.stamps[lines, columns])
+            is_open[lines[done], columns[done]] = False
+        return is_open
 
     def last_of(self, who: str, island: int) -> tuple[int, int] | None:
         """The cell of an island that somebody looked at last."""
@@ -167,13 +181,6 @@ class Reviews:
         return int(found[0]["n"]) if found else 0
 
 
-def spans(box: Box) -> tuple[range, range]:
-    """Columns and lines of the cells that a canvas box touches; at least one of each."""
-    left, top, right, bottom = ((edge + HALF_SPAN) / CELL for edge in box)
-    columns = range(math.floor(left), max(math.ceil(right), math.floor(left) + 1))
-    return columns, range(math.floor(top), max(math.ceil(bottom), math.floor(top) + 1))
-
-
 def cells_within(box: Box) -> list[tuple[int, int]]:
     """The cells whose middle lies in a canvas box; if more than `MOST_CELLS`, one more than that."""
     left, top, right, bottom = ((edge + HALF_SPAN) / CELL - 0.5 for edge in box)
@@ -182,18 +189,3 @@ def cells_within(box: Box) -> list[tuple[int, int]]:
     if len(columns) * len(lines) > MOST_CELLS:
         return [(0, 0)] * (MOST_CELLS + 1)
     return [(x, y) for y in lines for x in columns]
-
-
-def seen_cells(table: FrameTable, island: int, box: Box) -> dict[tuple[int, int], int]:
-    """The cells within a canvas box that some painted frame covers or touches, each with the number of the newest that does.
-    Raises Unfit for too large a box."""
-    columns, lines = spans(box)
-    if len(columns) * len(lines) > MOST_ASKED:
-        raise Unfit(f"The box has more than {MOST_ASKED} cells: ask for a smaller one.")
-    newest = np.full((len(lines), len(columns)), -1, np.int32)
-    for index in sorted(table.near(island, box), key=lambda one: table.frames[one].number):
-        outline = (table.outlines[index] + HALF_SPAN) / CELL - 0.5 - (columns[0], lines[0])
-        if np.isfinite(outline).all():
-            corners = np.rint(outline * 256).clip(-(1 << 30), 1 << 30).astype(np.int32)
-            cv2.fillPoly(newest, [corners], table.frames[index].number, shift=8)
-    return {(columns[int(x)], lines[int(y)]): int(newest[y, x]) for y, x in np.argwhere(newest >= 0)}

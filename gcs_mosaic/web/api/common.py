@@ -19,6 +19,8 @@ MapRevision = Annotated[int, Limits(least=0), "of the map: the answer is as new 
 # Of a question: the page tells the newest that it knows, so that no answer is older than what it shows.
 AskedRevision = Annotated[int, Limits(least=0, most=1 << 53), "of the map: the answer is to be as new, if the map is"]
 THREADS = 2  # for questions; stitching has priority on the cores
+# A frame is in the ledger before its tiles are written and told of: for so long it may not be on anybody's screen.
+SHOWN_S = 5.0
 LARGEST_BODY = 1 << 16  # bytes
 
 VIEW = web.AppKey("view", FlightView)

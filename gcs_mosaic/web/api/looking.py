@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from aiohttp import web
 
-from gcs_mosaic.notes.search.looking import LEAST_LOOK_S, LENT_S, MOST_SIDE, Patch, Place, open_of
+from gcs_mosaic.notes.search.looking import LEAST_LOOK_S, LENT_S, MOST_SIDE, Patch, Place
 from gcs_mosaic.notes.search.opinions import FindOpinion, Opinion
-from gcs_mosaic.notes.search.reviews import LONGEST_LOOK_S, Question, ReviewedView, seen_cells
+from gcs_mosaic.notes.search.reviews import LONGEST_LOOK_S, ReviewedView
+from gcs_mosaic.notes.search.seen_ground import IslandGround, SeenGround
 from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Who
-from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
+from gcs_mosaic.render.tile_grid import FINEST_LEVEL
+from gcs_mosaic.stitch.arrays import Mask
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.flight_view import FlightView, FrameTable
 from gcs_mosaic.web.api.asked import asked_body
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, SHOWN_S, VIEW, MapRevision, answer, in_thread, told_anew
 from gcs_mosaic.web.api.finds import ONE
-from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
+from gcs_mosaic.web.api.notes import NOTES, Canvas, IslandNumber, Notes, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 
 PATH = f"{BASE}/looking"
 OPERATIONS = Operations()
-COARSER = 2  # levels than an island's finest at which a look counts: as the page asks for what was reviewed
+COARSER = 1  # level than an island's finest at which a look counts: as the page shows what does not fit a small screen
+MOST_NEAR = 1 << 16  # open cells that a patch is chosen from: sixteen times the largest patch
+Edges = tuple[Canvas, Canvas, Canvas, Canvas]
 Session = Annotated[str, Limits(longest=40), "of an open page, at random"]
 
 
@@ -38,6 +44,7 @@ class PatchWishBody:
     level: Annotated[int, Limits(least=0, most=FINEST_LEVEL), "zoom at which the last patch was looked at"] = 0
     seconds: Annotated[float, Limits(least=0, most=LONGEST_LOOK_S), "that somebody looked at it"] = 0.0
     put_off: Annotated[bool, "look at the last patch later"] = False
+    looked: Annotated[Edges | None, "box of the last patch as the page shows it; null: it has none"] = None
     who: Who
 
 
@@ -55,7 +62,7 @@ class LentPatch:
 
     who: Who
     island: IslandNumber
-    box: Annotated[tuple[float, float, float, float], "left, top, right, bottom, on the island's canvas"]
+    box: Annotated[Edges, "left, top, right, bottom, on the island's canvas"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,8 +125,8 @@ async def say(request: web.Request) -> web.StreamResponse:
 async def looking(request: web.Request) -> web.StreamResponse:
     """Take in how long a page's patch was looked at, and lend it the next."""
     asked, notes, view = await asked_body(request, PatchWishBody), request.app[NOTES], request.app[VIEW]
-    table, seen = await in_thread(request, _seen, view, asked.island)
-    return answer(await notes.run(_next, notes, asked, table, seen))
+    table, ground = await in_thread(request, _seen, view, notes.ground, asked.island)
+    return answer(await notes.run(_next, notes, asked, table, ground))
 
 
 @OPERATIONS.add("POST", f"{PATH}/keep", Reply("Told.", KeptAnswer), body=SessionBody, failures=NO_NOTES)
@@ -137,52 +144,59 @@ async def leave(request: web.Request) -> web.StreamResponse:
     return answer(KeptAnswer(kept=False))
 
 
-def _seen(view: FlightView, island: int) -> tuple[FrameTable, dict[tuple[int, int], int]]:
-    """The cells of an island's frames. Raises Unfit for too large an island."""
+def _seen(view: FlightView, grounds: IslandGround, island: int) -> tuple[FrameTable, SeenGround]:
+    """An island's ground that is on the map by now."""
     table = view.table()
-    return table, seen_cells(table, island, box) if (box := _box(table, island)) else {}
+    return table, grounds.of(table, island, time.monotonic() - SHOWN_S)
 
 
-def _box(table: FrameTable, island: int) -> Box | None:
-    """Around an island's frames but for the farthest of such as see the horizon."""
-    boxes = [
-        box for box, of in zip(table.boxes.tolist(), table.islands, strict=True) if of == island and box[0] == box[0]
-    ]
-    if not boxes:
-        return None
-    left, top, right, bottom = zip(*boxes, strict=True)
-    return min(left), min(top), max(right), max(bottom)
-
-
-def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, seen: dict[tuple[int, int], int]) -> LookingAnswer:
+def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, ground: SeenGround) -> LookingAnswer:
     finest = max((one.level for one in table.frames if one.island == asked.island), default=FINEST_LEVEL)
     least = max(0, finest - COARSER)
     before = notes.looking.looked(asked.session)
-    counted = before is not None and not asked.put_off and asked.seconds >= LEAST_LOOK_S and asked.level >= least
-    if before is not None and counted:
-        newest = max((one.number for one in table.frames), default=0)
-        look = ReviewedView(before.island, before.box, asked.level, asked.seconds, asked.who, newest)
-        notes.reviews.report(look)
-    whole = _box(table, asked.island) or (0.0, 0.0, 1.0, 1.0)
-    open_cells = open_of(seen, notes.reviews.reviewed_until(Question(island=asked.island, box=whole, level=least)))
+    # Where an answer was lost the page still shows what it had before, and has never shown what is lent to it.
+    is_shown = before is not None and (before.island, before.box) == (asked.island, asked.looked)
+    counted = is_shown and not asked.put_off and _counts(notes, asked, before, least)
+    is_open = notes.reviews.open_in(ground, asked.island, least)
     place = Place(
         session=asked.session,
         who=asked.who,
         island=asked.island,
         columns=asked.columns,
         lines=asked.lines,
-        put_off=asked.put_off,
+        put_off=asked.put_off and is_shown,
     )
-    patch = notes.looking.next(place, open_cells)
+    patch = notes.looking.next(place, _nearest(ground, is_open, notes.looking.at(place, before)))
+    if patch is not None and (patch != before or counted or notes.looking.noted(asked.session) is None):
+        notes.looking.note(asked.session, ground.within(patch.cells()))
     others = [one for one in notes.looking.lent() if one.session != asked.session and one.island == asked.island]
     return LookingAnswer(
         map_revision=table.revision,
         patch=None if patch is None else _told(patch),
         counted=counted,
-        cells=len(seen),
-        left=len(open_cells),
+        cells=int(np.count_nonzero(ground.stamps)),
+        left=int(np.count_nonzero(is_open)),
         others=[_told(one) for one in others],
     )
+
+
+def _counts(notes: Notes, asked: PatchWishBody, patch: Patch | None, least: int) -> bool:
+    """Take in a look, for what the patch showed when it was lent: what was painted since may not have been seen."""
+    stamps = notes.looking.noted(asked.session)
+    if patch is None or stamps is None or asked.seconds < LEAST_LOOK_S or asked.level < least:
+        return False
+    notes.reviews.report(ReviewedView(patch.island, patch.box, asked.level, asked.seconds, asked.who, stamps))
+    return True
+
+
+def _nearest(ground: SeenGround, is_open: Mask, at: tuple[int, int] | None) -> set[tuple[int, int]]:
+    """The open cells; of very many those of the lines nearest to a cell."""
+    lines, columns = np.nonzero(is_open)
+    if len(lines) > MOST_NEAR:
+        apart = np.abs(lines + ground.y - (0 if at is None else at[1]))
+        kept = np.argsort(apart, kind="stable")[:MOST_NEAR]
+        lines, columns = lines[kept], columns[kept]
+    return set(zip((columns + ground.x).tolist(), (lines + ground.y).tolist(), strict=True))
 
 
 def _told(patch: Patch) -> LentPatch:

@@ -25,6 +25,7 @@ from gcs_mosaic.notes.search.hint_wishes import HintWishes
 from gcs_mosaic.notes.search.looking import Looking
 from gcs_mosaic.notes.search.opinions import Opinions
 from gcs_mosaic.notes.search.reviews import Reviews
+from gcs_mosaic.notes.search.seen_ground import IslandGround
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import FURTHEST, Unfit
 from gcs_mosaic.store.disk import CannotWrite, DiskFull
@@ -61,7 +62,7 @@ class PlacedBody:
 
 
 class Notes:
-    """The notes of the flight that is served; all but `run`, `islands` and the follower for the thread on which `run` works."""
+    """The notes of the flight that is served; all but `run`, `islands`, `ground` and the follower for the thread of `run`."""
 
     def __init__(self, view: FlightView, feed: Feed) -> None:
         self.follower = GroundFollower(view)
@@ -69,6 +70,7 @@ class Notes:
         self.finds, self.scales = Finds(self.book), Scales(self.book)
         self.reviews, self.dismissed = Reviews(self.book), DismissedHints(self.book)
         self.looking, self.opinions = Looking(self.book, self.reviews), Opinions(self.book)
+        self.ground = IslandGround()
         self.hint_wishes = HintWishes(self.book)
         self.pins, self._anchoring = Pins(self.book), Anchoring(view, self.follower)
         self._feed = feed

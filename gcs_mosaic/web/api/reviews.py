@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 from aiohttp import web
 
-from gcs_mosaic.notes.search.reviews import CELL, CELL_LEVEL, LONGEST_LOOK_S, Question, ReviewedView, seen_cells
+from gcs_mosaic.notes.search.reviews import LONGEST_LOOK_S, MOST_CELLS, Question, ReviewedView, cells_within
+from gcs_mosaic.notes.search.seen_ground import CELL, CELL_LEVEL, seen_cells
 from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Unfit, Utc, Who
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Box
 from gcs_mosaic.store.documents import Limits
+from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.api.asked import asked_body, asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, SHOWN_S, VIEW, MapRevision, answer, in_thread, told_anew
 from gcs_mosaic.web.api.notes import NOTES, Canvas, IslandNumber
 from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
 
@@ -93,14 +96,14 @@ class ReviewedAnswer:
 async def report(request: web.Request) -> web.StreamResponse:
     """Report what was on the screen."""
     asked, notes = await asked_body(request, LookBody), request.app[NOTES]
-    table = await in_thread(request, request.app[VIEW].table)
+    stamps = await in_thread(request, _shown, request.app[VIEW], asked)
     look = ReviewedView(
         island=asked.island,
         box=_box(asked.box),
         level=asked.level,
         seconds=asked.seconds,
         who=asked.who,
-        newest=max((one.number for one in table.frames), default=0),
+        stamps=stamps,
     )
     return answer(CellsAnswer(cells=await notes.run(notes.reviews.report, look)), 202)
 
@@ -119,10 +122,10 @@ async def covered(request: web.Request) -> web.StreamResponse:
     )
     table = await in_thread(request, request.app[VIEW].table)
     seen = await in_thread(request, seen_cells, table, question.island, question.box)
-    until, reviewers = await notes.run(
-        lambda: (notes.reviews.reviewed_until(question), dict(notes.reviews.reviewers()))
+    known, reviewers = await notes.run(
+        lambda: (notes.reviews.reviewed_as(question, seen), dict(notes.reviews.reviewers()))
     )
-    reviewed = {cell for cell, newest in seen.items() if until.get(cell, -1) >= newest}
+    reviewed = known & seen.keys()
     told = ReviewedAnswer(
         map_revision=table.revision,
         cell=ReviewCell(units=CELL, level=CELL_LEVEL),
@@ -131,6 +134,14 @@ async def covered(request: web.Request) -> web.StreamResponse:
         reviewers=[Reviewer(who=who, utc=utc) for who, utc in sorted(reviewers.items())],
     )
     return told_anew(request, told)
+
+
+def _shown(view: FlightView, asked: LookBody) -> dict[tuple[int, int], int]:
+    """What was on the map for as long as was looked: what was painted meanwhile may not have been seen."""
+    box = _box(asked.box)
+    if len(cells_within(box)) > MOST_CELLS:  # counts for nothing
+        return {}
+    return seen_cells(view.table(), asked.island, box, time.monotonic() - max(SHOWN_S, asked.seconds))
 
 
 def _box(edges: Box) -> Box:

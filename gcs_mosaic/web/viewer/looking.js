@@ -28,7 +28,8 @@ export class Looking {
     this.told = byId("looking-told");
     this.drawn = L.layerGroup().addTo(map.map);
     this.patch = null;
-    this.seconds = 0;
+    this.startCounting();
+    this.askedIsland = null;
     byId("looking-begin").onclick = () => this.begin();
     byId("looking-end").onclick = () => this.end();
     byId("looking-next").onclick = () => this.next();
@@ -79,17 +80,23 @@ export class Looking {
     if (!this.isAsking) await this.ask(isPutOff);
   }
 
+  startCounting() {
+    this.seconds = 0;
+    this.zoomedOut = Infinity; // the farthest zoom at which they were counted
+  }
+
   async ask(isPutOff = false) {
     const { layer } = this.map;
     if (!layer) return;
     this.isAsking = true;
+    this.askedIsland = layer.island;
     const seconds = Math.min(this.seconds, LONGEST_S);
-    const level = Math.round(this.map.map.getZoom());
+    const level = Math.round(Math.min(this.zoomedOut, this.map.map.getZoom()));
     try {
-      const body = { session: this.session, island: layer.island, ...this.room(), level, seconds, put_off: isPutOff };
+      const body = { session: this.session, island: layer.island, ...this.room(), level, seconds, put_off: isPutOff, looked: this.patch?.box ?? null };
       const answer = await send("POST", "/looking", body);
-      const wasHere = this.patch && !isPutOff && !answer.counted && seconds > 0;
-      this.take(answer, wasHere);
+      const isSame = JSON.stringify([this.patch?.island, this.patch?.box]) === JSON.stringify([answer.patch?.island, answer.patch?.box]);
+      this.take(answer, isSame && this.patch && !isPutOff && !answer.counted && seconds > 0);
     } catch (error) {
       this.told.textContent = error.message;
     }
@@ -98,16 +105,30 @@ export class Looking {
 
   /** @param {Api.AnswerTo<"POST", "/api/v1/looking">} answer */
   take(answer, isTooShort) {
-    if (!isTooShort) this.seconds = 0;
+    if (!isTooShort) this.startCounting();
     this.patch = answer.patch;
+    this.bringNew(answer.map_revision);
     this.others = answer.others;
     this.show();
     const share = answer.cells ? Math.floor((100 * (answer.cells - answer.left)) / answer.cells) : 0;
     const told = [isTooShort ? t("Too short to count: look for a second.") : "", t("{share} % of this part is looked at.", { share })];
-    if (!answer.patch) told.unshift(answer.left ? t("Others have the rest.") : t("All of this part is looked at."));
+    if (!answer.cells) told.splice(0, 2, t("Nothing of this part is known now."));
+    else if (!answer.patch) told.unshift(answer.left ? t("Others have the rest.") : t("All of this part is looked at."));
     const unit = this.metresPerUnit();
     if (unit && answer.patch) told.push(t("A person is {px} px across.", { px: ((PERSON_M / unit) * this.perUnit()).toFixed(0) }));
     this.told.textContent = told.filter(Boolean).join(" ");
+  }
+
+  /** The patch is looked at as new as it was lent, even if nobody has told this page what was painted. */
+  bringNew(revision) {
+    const { layer } = this.map;
+    if (!this.patch || layer?.island !== this.patch.island || layer.revision >= revision) return;
+    const [left, top, right, bottom] = this.patch.box;
+    layer.refresh(revision, ({ z, x, y }) => {
+      const side = 256 * 2 ** (BASE_LEVEL - z);
+      const [x0, y0] = [x * side - 2 ** 23 - 0.5, y * side - 2 ** 23 - 0.5];
+      return x0 < right && x0 + side > left && y0 < bottom && y0 + side > top;
+    });
   }
 
   /** CSS pixels of a canvas unit. */
@@ -154,15 +175,23 @@ export class Looking {
     this.drawn.addLayer(drawn);
   }
 
-  /** Time counts while somebody is there, nothing lies over the map, its tiles have come and the whole patch is in view. */
+  /** Time counts while somebody is there, nothing lies over the map, its tiles have come and the whole patch is in view, sharp. */
   tick() {
-    if (this.isOn() && this.patch && this.isLookedAt()) this.seconds += TICK_MS / 1000;
+    if (!this.isOn() || !this.map.layer) return;
+    if (this.map.layer.island !== this.askedIsland) {
+      this.startCounting();
+      this.next();
+    }
+    if (!this.patch || !this.isLookedAt()) return;
+    this.seconds += TICK_MS / 1000;
+    this.zoomedOut = Math.min(this.zoomedOut, this.map.map.getZoom());
   }
 
   isLookedAt() {
     const isFree = byId("side").hidden && byId("originals").hidden && !document.querySelector("dialog[open]");
     const isThere = !document.hidden && Date.now() - this.reviews.lastInput < AWAKE_MS;
-    if (!isFree || !isThere || !this.map.layer.isComplete()) return false;
+    const isSharp = this.patch.island === this.map.layer.island && this.map.map.getZoom() >= this.zoom() - 0.5;
+    if (!isFree || !isThere || !isSharp || !this.map.layer.isComplete()) return false;
     const [left, top, right, bottom] = this.map.turn.seen();
     const [x0, y0, x1, y1] = this.patch.box;
     const rim = CELL / 2; // what is lost at the edge is less than the half of a cell
@@ -173,7 +202,7 @@ export class Looking {
     if (!this.isOn() || !this.patch || document.hidden) return;
     const answer = await send("POST", "/looking/keep", { session: this.session }).catch(() => null);
     if (answer && !answer.kept) {
-      this.seconds = 0; // it is somebody else's, or was looked at too long ago
+      this.startCounting(); // it is somebody else's, or was looked at too long ago
       await this.next();
     }
   }

@@ -65,7 +65,7 @@ export class Reviews {
     const isAwake = Date.now() - this.lastInput < AWAKE_MS;
     const isFree = byId("originals").hidden && byId("looking").hidden && byId("side").hidden; // who reads a panel does not look
     const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && isFree;
-    if (!layer || !isLooking || Date.now() - this.moved < STILL_MS || map.getZoom() < this.leastLevel() - 0.5) return;
+    if (!layer?.isComplete() || !isLooking || Date.now() - this.moved < STILL_MS || map.getZoom() < this.leastLevel() - 0.5) return;
     const level = Math.max(0, Math.min(30, Math.round(map.getZoom())));
     try {
       await send("POST", "/reviews", { island: layer.island, box: this.box(), level, seconds: EACH_MS / 1000 });

@@ -220,6 +220,7 @@ export default {
   "Nothing here": "Hier ist nichts",
   "Nothing is new.": "Nichts ist neu.",
   "Nothing is shown on other maps: no part of the flight has an anchor. Set two pins under Anchor.": "Auf anderen Karten ist nichts zu sehen: kein Teil des Flugs hat einen Anker. Unter Anker zwei Marken setzen.",
+  "Nothing of this part is known now.": "Von diesem Teil ist jetzt nichts bekannt.",
   "Nothing was ever heard on {address}: see that the autopilot or the ground station sends to this address. Pictures are mapped meanwhile": "Auf {address} war noch nie etwas zu hören: nachsehen, ob Autopilot oder Bodenstation an diese Adresse senden. Bilder werden inzwischen kartiert",
   "Notices": "Meldungen",
   "Number of looks": "Zahl der Blicke",

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_mosaic.notes.search.looking import LENT_S, Cell, Looking, Patch, Place, open_of
+from gcs_mosaic.notes.search.looking import LENT_S, Cell, Looking, Patch, Place
 from gcs_mosaic.notes.search.reviews import Question, ReviewedView, Reviews
+from gcs_mosaic.notes.search.seen_ground import COUNT, SeenGround, is_as_seen
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.render.tile_grid import HALF_SPAN
 
@@ -32,8 +33,7 @@ class Helpers:
 
     def open(self) -> set[Cell]:
         whole = Question(island=0, box=(-HALF_SPAN, -HALF_SPAN, HALF_SPAN, HALF_SPAN), level=15)
-        until = dict.fromkeys(self.reviews.reviewed(whole), 5)
-        return open_of(dict.fromkeys(GROUND, 5), until)
+        return GROUND - self.reviews.reviewed(whole)
 
     def ask(self, session: str, columns: int = 4, lines: int = 3, put_off: bool = False) -> Patch | None:
         place = Place(session=session, who=session, island=0, columns=columns, lines=lines, put_off=put_off)
@@ -42,7 +42,7 @@ class Helpers:
     def look(self, session: str) -> None:
         patch = self.looking.looked(session)
         assert patch is not None
-        assert self.reviews.report(ReviewedView(0, patch.box, 16, 2.0, session, 5)) == len(patch.cells())
+        assert self.reviews.report(ReviewedView(0, patch.box, 16, 2.0, session)) == len(patch.cells())
 
 
 def test_several_pages_look_at_all_of_it_and_at_nothing_twice(book: NotesBook) -> None:
@@ -123,15 +123,33 @@ def test_a_server_that_is_started_again_lends_nothing_twice(book: NotesBook) -> 
 
 def test_somebody_goes_on_where_they_looked_last(book: NotesBook) -> None:
     helpers = Helpers(book)
-    helpers.reviews.report(ReviewedView(0, box_of(112, 57, 2, 2), 16, 3.0, "a", 5))
+    helpers.reviews.report(ReviewedView(0, box_of(112, 57, 2, 2), 16, 3.0, "a"))
     patch = helpers.ask("a", 3, 3)
     assert patch is not None
     assert min(abs(x - 113) + abs(y - 58) for x, y in patch.cells()) <= 2
 
 
 def test_ground_over_which_something_was_painted_since_is_open_again(book: NotesBook) -> None:
-    seen = {(1, 1): 3, (2, 1): 7, (3, 1): 2}
-    assert open_of(seen, {(1, 1): 3, (2, 1): 6}) == {(2, 1), (3, 1)}
+    """By a newer frame, or by an older one that was placed late; not where one was taken away."""
+    looked, now = (
+        SeenGround(5, 9, np.array([[COUNT * count + newest for count, newest in cells]]))
+        for cells in (((1, 3), (2, 6), (2, 6), (2, 6), (0, 0)), ((1, 3), (2, 7), (3, 6), (1, 6), (1, 2)))
+    )
+    reviews = Reviews(book)
+    cells = {(5 + x, 9) for x in range(5)}
+    reviews.report(ReviewedView(0, looked.box, 16, 2.0, "a", looked.within(cells)))
+    for written in (False, True):
+        if written:
+            reviews.flush()
+        assert reviews.open_in(now, 0, 16).tolist() == [[False, True, True, False, True]]
+        assert reviews.open_in(now, 0, 17).all()
+        whole = Question(island=0, box=looked.box, level=16)
+        assert reviews.reviewed_as(whole, now.within(cells)) == {(5, 9), (8, 9)}
+
+
+def test_of_looks_from_before_frames_were_counted_the_newest_is_known() -> None:
+    looked, now = np.array([7, 7]), np.array([3 * COUNT + 7, COUNT + 8])
+    assert is_as_seen(looked, now).tolist() == [True, False]
 
 
 def box_of(x: int, y: int, columns: int, lines: int) -> tuple[float, float, float, float]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from gcs_mosaic.notes.search import reviews as module
-from gcs_mosaic.notes.search.reviews import CELL, Question, ReviewedView, Reviews, cells_within, seen_cells
+from gcs_mosaic.notes.search.reviews import Question, ReviewedView, Reviews, cells_within
+from gcs_mosaic.notes.search.seen_ground import CELL, seen_cells
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
