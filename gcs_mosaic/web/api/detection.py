@@ -16,6 +16,7 @@ from aiohttp import web
 
 from gcs_mosaic.detection.detection_map import DetectionMap
 from gcs_mosaic.detection.detections import Detections, units_of_pixel
+from gcs_mosaic.detection.model import WHOLE_PX
 from gcs_mosaic.detection.persons import Clothes, Person, Posture
 from gcs_mosaic.notes.anchors.anchoring import anchored
 from gcs_mosaic.notes.anchors.pins import SetPin
@@ -54,7 +55,7 @@ class PersonQuery:
     clothes: Clothes = "blue"
     pixels: Annotated[
         float | None,
-        Limits(least=0.2, most=1000),
+        Limits(least=WHOLE_PX, most=1000),
         "side of a square of the person's area in a usual original, where no scale is known",
     ] = None
     outline: Annotated[str, Limits(longest=6000), "x,y;x,y;... on the island's canvas: a part of it"] = ""
@@ -71,6 +72,9 @@ class DetectionAnswer:
     part: Annotated[float | None, "of somebody anywhere in the outline that was asked for, as far as it was flown"] = (
         None
     )
+    covered: Annotated[
+        float | None, "share of the flown area of which something is stated: these figures leave the rest out"
+    ] = None
     frames: int
     measured: Annotated[int, "of the frames: the others count for nothing yet"]
     person_px: Annotated[float | None, "side of a square of the person's area in a usual original"]
@@ -209,9 +213,12 @@ def _answer(request: web.Request, asked: Sought) -> DetectionAnswer:
     )
     if found is None or found.is_grey:
         return told if found is None else replace(told, trouble=GREY)
+    if not found.is_seen.any():  # gaps alone are no figure
+        return replace(told, trouble="".join(found.troubles[:1]))
     return replace(
         told,
         trouble="".join(found.troubles[:1]),
+        covered=found.covered,
         flown=found.within(found.flown),
         seen=found.within(found.is_seen & found.flown),
         part=None if asked.outline is None else found.within(found.cells_in(asked.outline)),
