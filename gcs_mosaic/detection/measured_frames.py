@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.detection.clutter import (
-    SIDE_PX,
     FilteredPicture,
     GroundStatistics,
     analysed_scale,
@@ -54,13 +53,18 @@ class _Remembered:
 
 
 class MeasuredFrames:
-    """Measures at its own pace; thread-safe. `side_units`: of the person, canvas units."""
+    """Measures the islands that are wanted, at its own pace; thread-safe. `side_units`: of the person, canvas units."""
 
     def __init__(self, view: FlightView, side_units: float) -> None:
         self._view, self._side = view, side_units
         self._lock = threading.Lock()
         self._known: dict[tuple[int, str | None], MeasuredFrame] = {}
         self._remembered: OrderedDict[int, _Remembered] = OrderedDict()
+        self._wanted: frozenset[int] = frozenset()
+
+    def want(self, island: int) -> None:
+        """Measure its frames, too."""
+        self._wanted |= {island}
 
     @property
     def count(self) -> int:
@@ -72,8 +76,8 @@ class MeasuredFrames:
         return self._known.get((frame.number, frame.content_hash))
 
     def waiting(self) -> list[PositionRecord]:
-        """The painted frames that are not measured, in the order in which they were taken."""
-        frames = [one for one in self._view.table().frames if self.of(one) is None]
+        """The painted frames of wanted islands that are not measured, in the order in which they were taken."""
+        frames = [one for one in self._view.table().frames if one.island in self._wanted and self.of(one) is None]
         return sorted(frames, key=lambda one: (one.island, one.order)) if len(self._known) < MOST_FRAMES else []
 
     def step(self) -> bool:

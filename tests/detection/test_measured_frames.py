@@ -20,7 +20,7 @@ WILD = np.random.default_rng(3).integers(0, 256, (6, 8), np.uint8)
 WARMTH = cv2.resize(WILD, (CAMERA.width, CAMERA.height), interpolation=cv2.INTER_CUBIC)
 RAINBOW = np.asarray(cv2.applyColorMap(WARMTH, cv2.COLORMAP_JET), np.uint8)
 GREY = np.asarray(cv2.cvtColor(WARMTH, cv2.COLOR_GRAY2BGR), np.uint8)
-MEADOW = np.asarray([60, 110, 90] + (GREY // 8), np.uint8)
+MEADOW = np.asarray(np.array([60, 110, 90]) + GREY // 8, np.uint8)
 
 
 @pytest.fixture
@@ -35,6 +35,8 @@ def measured(
     shown = iter(pictures)
     monkeypatch.setattr(measured_frames, "displayed", lambda *_: next(shown))
     frames = MeasuredFrames(view, side_px)
+    assert not frames.waiting()  # of islands that nobody asks for
+    frames.want(0)
     taken = frames.waiting()[: len(pictures)]
     assert all(frames.step() for _ in pictures)
     return frames, [sure(frames.of(one)) for one in taken]

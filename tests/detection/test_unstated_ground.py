@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -21,7 +20,7 @@ from tests.web.seen_flight import CAMERA, seen_flight
 SIDE_PX = 12.0
 LAST = "43.jpg"  # alone over a corner of the map
 NOISE = np.random.default_rng(1).normal(0, 3, (CAMERA.height, CAMERA.width, 1))
-MEADOW = np.clip([70, 130, 110] + NOISE, 0, 255).astype(np.uint8)
+MEADOW = np.clip(np.array([70, 130, 110]) + NOISE, 0, 255).astype(np.uint8)
 STATED = MeasuredFrame(statistics(filtered(MEADOW, SIDE_PX)), None)
 GREY = MeasuredFrame(statistics(filtered(np.repeat(MEADOW[..., :1], 3, axis=2), SIDE_PX)), None)
 UNREADABLE = MeasuredFrame(None, None, "It is torn.")

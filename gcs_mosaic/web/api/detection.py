@@ -15,7 +15,7 @@ import numpy as np
 from aiohttp import web
 
 from gcs_mosaic.detection.detection_map import DetectionMap
-from gcs_mosaic.detection.detections import Detections, units_of_pixel
+from gcs_mosaic.detection.detections import ASKED_S, Detections, units_of_pixel
 from gcs_mosaic.detection.model import WHOLE_PX
 from gcs_mosaic.detection.persons import Clothes, Person, Posture
 from gcs_mosaic.notes.anchors.anchoring import anchored
@@ -37,7 +37,6 @@ from gcs_mosaic.web.tile_answer import tile_answer
 OPERATIONS = Operations()
 Result = TypeVar("Result")
 By = Literal["anchor", "distance", "pixels"]
-ASKED_S = 20.0  # frames are measured for so long after somebody has asked
 PAUSE_S = 0.3
 COLOURS = cv2.COLORMAP_VIRIDIS
 MOST_CORNERS = 200
@@ -111,8 +110,12 @@ class Measuring:
         return await asyncio.get_running_loop().run_in_executor(self._pool, work, *given)
 
     async def for_ever(self) -> None:
+        was_asked = False
         while True:
             is_asked = time.monotonic() - self._asked < ASKED_S
+            if was_asked and not is_asked:
+                await self.run(self.detections.forget_pictures)
+            was_asked = is_asked
             if not is_asked or not await self.run(self.detections.step):
                 await asyncio.sleep(PAUSE_S)
 
@@ -179,12 +182,17 @@ async def _sought(request: web.Request) -> Sought:
         pixel = await in_thread(request, units_of_pixel, request.app[VIEW], island)
         side = None if pixel is None else asked.pixels * pixel
         return Sought(island, person, outline, side, None if side is None else "pixels")
-    notes = request.app[NOTES]
-    (_, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
-    scale = (await in_thread(request, _scales, notes, known, *laid)).get(island)
+    scale = (await scales_of(request)).get(island)
     if scale is None:
         return Sought(island, person, outline, None, None)
     return Sought(island, person, outline, person.side_m / scale.metres_per_unit, scale.source)
+
+
+async def scales_of(request: web.Request) -> dict[int, IslandScale]:
+    """Each island's scale by what is known of it now, as the page tells it."""
+    notes = request.app[NOTES]
+    (_, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
+    return await in_thread(request, _scales, notes, known, *laid)
 
 
 def _scales(
