@@ -219,6 +219,7 @@ export default {
   "Not turned": "Nicht gedreht",
   "Notation": "Schreibweise",
   "Note": "Notiz",
+  "Nothing can be said of a person of less than {px} px.": "Von einem Menschen mit weniger als {px} px lässt sich nichts sagen.",
   "Nothing here": "Hier ist nichts",
   "Nothing is new.": "Nichts ist neu.",
   "Nothing is shown on other maps: no part of the flight has an anchor. Set two pins under Anchor.": "Auf anderen Karten ist nichts zu sehen: kein Teil des Flugs hat einen Anker. Unter Anker zwei Marken setzen.",
