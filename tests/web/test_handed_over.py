@@ -59,8 +59,8 @@ def test_why_there_is_no_mission_is_said(client: Client, tmp_path: Path) -> None
 def test_a_mission_asks_for_a_person_as_large_as_the_page_says(root: Path, client: Client) -> None:
     """By the distance that somebody has given, which says otherwise than the pins."""
     follower = GroundFollower(FlightView(root))
-    ends = (follower.bind(0, 0.0, 0.0), follower.bind(0, 400.0, 0.0))
-    with closing(NotesBook(root / "notes.sqlite")) as book:
+    ends = (follower.bound(0, 0.0, 0.0), follower.bound(0, 400.0, 0.0))
+    with closing(NotesBook(root)) as book:
         Scales(book).create(ends, 100.0, "Ann")
     mission = "/api/v1/mission.plan?below=0.5"
     assert b"0 of" in refused(client, mission, 409)
