@@ -14,8 +14,8 @@ from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.features import SeenFrame
 from gcs_mosaic.archive.frame_kinds import FrameKind
 from gcs_mosaic.archive.tasks import Parts, task
-from gcs_mosaic.render.agreement import Overlap, agreed_looks, overlap_of
-from gcs_mosaic.render.brightness import Aircraft, Camera, size_of
+from gcs_mosaic.render.agreement import Aircraft, Overlap, agreed_looks, overlap_of
+from gcs_mosaic.render.brightness import Camera, size_of
 from gcs_mosaic.render.exposure import ExposureSettings, is_false_colour
 from gcs_mosaic.render.levels import FINER
 from gcs_mosaic.render.render_list import RenderItem
@@ -159,8 +159,9 @@ def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vigne
     found: list[Overlap] = [one for key in keys for one in artefacts.part(key, "overlaps")]
     distances: list[float | None] = [one for key in keys for one in artefacts.part(key, "distances")]
     aircraft = [one for key in keys for one in artefacts.part(key, "aircraft")]
-    curves = curves_of(dict(zip((one.name for one in frames), aircraft, strict=True)), frames, found, vignetting)
-    agreed = agreed_looks(frames, found, curves, exposure)
+    whose = dict(zip((one.name for one in frames), aircraft, strict=True))
+    curves = curves_of(whose, frames, found, vignetting)
+    agreed = agreed_looks(frames, found, curves, exposure, whose)
     levels = dict(zip(curves, levels_of(frames, distances), strict=True))
     parts = {
         f"looks {number}": [

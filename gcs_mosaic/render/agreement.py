@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -25,6 +26,7 @@ from gcs_mosaic.stitch.arrays import AnyArray, Bands, FloatRows, Levels, Mask, P
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
 
 SATURATED = 65_535  # counts
+Aircraft = int | None  # None: the only one
 Overlap = tuple[str, str, OverlapMeans]  # frame i, frame j, their overlap
 Look = tuple[Gain, LightField | None]
 
@@ -69,14 +71,15 @@ def agreed_looks(
     overlaps: Sequence[Overlap],
     curves: Mapping[str, Vignetting],
     settings: ExposureSettings,
+    aircraft: Mapping[str, Aircraft],
 ) -> dict[str, Look]:
-    """Gain and light field of each frame from all overlaps; `curves`: vignetting by name."""
+    """Gain and light field of each frame from all overlaps; `curves`, `aircraft`: vignetting, and whose camera, by name."""
     kinds: dict[tuple[int, bool], list[RenderItem]] = {}  # frames of different kinds are not comparable in exposure
     for painted in frames:
         kinds.setdefault(painted.display.kind, []).append(painted)
     looks: dict[str, Look] = {}
     for alike in kinds.values():
-        gains = agreed_gains(alike, overlaps, curves, settings)
+        gains = agreed_gains(alike, overlaps, curves, settings, aircraft)
         looks |= _lit([replace(one, gain=gains[one.name], vignetting=curves[one.name]) for one in alike], overlaps)
     return {name: (bounded(np.log(np.array(gain)), settings), light) for name, (gain, light) in looks.items()}
 
@@ -86,21 +89,36 @@ def agreed_gains(
     overlaps: Sequence[Overlap],
     curves: Mapping[str, Vignetting],
     settings: ExposureSettings,
+    aircraft: Mapping[str, Aircraft],
 ) -> dict[str, Gain]:
-    """The gain of each frame of one kind, beside those taken in close succession."""
+    """The gain of each frame of one kind, beside those that the same camera took in close succession."""
     names = {painted.name: number for number, painted in enumerate(frames)}
+    streams, turns = len({aircraft[name] for name in names}), _turns(frames, aircraft)
     seen: list[Observation] = [
         (names[i], names[j], means.flattened(curves[i], curves[j]))
         for i, j, means in overlaps
-        if i in names and are_near(frames[names[i]], frames[names[j]], settings)
+        if i in names
+        and aircraft[i] == aircraft[j]
+        and abs(turns[i] - turns[j]) <= settings.around
+        and are_near(frames[names[i]], frames[names[j]], settings, streams)
     ]
-    logs = log_gains(len(names), seen, settings, len(frames[0].gain))
+    logs = log_gains(len(names), seen, settings, len(frames[0].display.black))
     return {name: bounded(row, settings) for name, row in zip(names, logs, strict=True)}
 
 
-def are_near(one: RenderItem, other: RenderItem, settings: ExposureSettings) -> bool:
-    """Whether two frames were taken in close succession."""
-    return abs(one.order - other.order) <= settings.around
+def are_near(one: RenderItem, other: RenderItem, settings: ExposureSettings, streams: int) -> bool:
+    """Whether two frames of one camera were taken in close succession; `streams`: cameras whose frames may lie between."""
+    return abs(one.order - other.order) <= settings.around * streams
+
+
+def _turns(frames: Sequence[RenderItem], aircraft: Mapping[str, Aircraft]) -> dict[str, int]:
+    """Of each frame, how many its own camera took before it."""
+    taken: Counter[Aircraft] = Counter()
+    turns: dict[str, int] = {}
+    for one in sorted(frames, key=lambda painted: painted.turn):
+        turns[one.name] = taken[aircraft[one.name]]
+        taken[aircraft[one.name]] += 1
+    return turns
 
 
 def _lit(frames: Sequence[RenderItem], overlaps: Sequence[Overlap]) -> dict[str, Look]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 
 from gcs_mosaic.render.agreement import (
+    Aircraft,
     Overlap,
     agreed_looks,
     are_near,
@@ -17,13 +18,12 @@ from gcs_mosaic.render.count_steps import CountsInOverlap, CountStep, step_besid
 from gcs_mosaic.render.exposure import ExposureSettings, Gain, OverlapMeans, gain_beside, is_false_colour
 from gcs_mosaic.render.light_field import HELD, LightField
 from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
+from gcs_mosaic.render.vignetting import FLAT, Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.transaction import Kept
 
 Size = tuple[int, int]  # width, height of frames as painted
-Aircraft = int | None  # None: the only one
 Camera = tuple[Aircraft, Size, int]  # with the number of bands
 CountOverlap = tuple[str, str, CountsInOverlap]  # frame i, frame j, what they have in common
 
@@ -77,7 +77,9 @@ class Brightness(Kept):
             self._false_colour.add(new.name)
         found = self._find_overlaps(new, beside)
         curves = self.curves_of(new)
-        near = [(means, other) for means, other in found if are_near(new, other, self._exposure)]
+        streams = len(set(self._carriers.values()))
+        own = [(means, other) for means, other in found if self._carriers[other.name] == aircraft]
+        near = [(means, other) for means, other in own if are_near(new, other, self._exposure, streams)]
         shares = [means.flattened(curves, other.vignetting) for means, other in near]
         lit = replace(new, gain=gain_beside(shares, self._exposure, len(new.display.black)), vignetting=curves)
         lights = [(other, means.light[0]) for means, other in found if means.light is not None]
@@ -103,11 +105,13 @@ class Brightness(Kept):
     def final(self, painted: Mapping[str, RenderItem]) -> dict[str, tuple[Gain, Vignetting, LightField | None]]:
         """Gain, vignetting and light field of each frame from all overlaps."""
         curves = {name: self.curves_of(one) for name, one in painted.items()}
-        looks = agreed_looks(painted.values(), self._overlaps, curves, self._exposure)
+        looks = agreed_looks(painted.values(), self._overlaps, curves, self._exposure, self._carriers)
         return {name: (gain, curves[name], light) for name, (gain, light) in looks.items()}
 
     def curves_of(self, painted: RenderItem) -> Vignetting:
-        """The estimated vignetting of a frame's camera."""
+        """The estimated vignetting of a frame's camera; none of a palette's colours, which are temperatures."""
+        if painted.name in self._false_colour:
+            return FLAT
         return self._estimates.get(self.camera_of(painted), self._no_estimate).curves
 
     def camera_of(self, painted: RenderItem) -> Camera:

@@ -44,6 +44,18 @@ class ExposureSettings:
     least_gain: float = 0.25  # beyond these limits the image would only be noise
     most_gain: float = 4.0  # see least_gain
 
+    def __post_init__(self) -> None:
+        for name in ("around", "full_trust"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name}: expected 0 or more, got {getattr(self, name):g}")
+        for name in ("unnoticed", "unnoticed_cast"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name}: expected more than 0, got {getattr(self, name):g}")
+        if not 0 < self.least_gain <= 1 <= self.most_gain:
+            raise ValueError(
+                f"least_gain, most_gain: expected 0 < least <= 1 <= most, got {self.least_gain:g}, {self.most_gain:g}"
+            )
+
 
 @dataclass(frozen=True, slots=True)
 class OverlapMeans:

@@ -150,9 +150,10 @@ def shown_part(aspect: float, beside: Iterable[tuple[FloatRows, AnyArray]]) -> F
 
 
 def apart(one: LightField | None, other: LightField | None) -> float:
-    """Maximum difference of two fields, in log brightness."""
+    """Maximum difference of two fields, in log brightness; 0 where nobody sees it."""
     grids = [0.0 if field is None else field.grid for field in (one, other)]
-    return float(np.abs(grids[0] - grids[1]).max())
+    most = float(np.abs(grids[0] - grids[1]).max())
+    return most if most > LEAST / STEPS else 0.0
 
 
 def factors(field: LightField, pixels: Lattice, width: int, height: int) -> Lattice:

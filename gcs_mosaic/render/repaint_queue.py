@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gcs_mosaic.render.brightness import Aircraft, Brightness, Camera
+from gcs_mosaic.render.agreement import Aircraft
+from gcs_mosaic.render.brightness import Brightness, Camera
 from gcs_mosaic.render.camera_ranges import CameraRanges
 from gcs_mosaic.render.compositor import BLOCK, CompositorSettings, TileCompositor
 from gcs_mosaic.render.displacement import displacement

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.cells import CELLS, NOBODY, OPEN, WHOLLY, Cells
+from gcs_mosaic.render.sampling import UNDER_OVERLAY
 from gcs_mosaic.stitch.arrays import Lattice, Mask
 
 OTHER = 12.0  # grey levels; twice the usual difference of two images of the same ground (`seam_path.USUAL`)
@@ -42,11 +43,14 @@ def as_wholes(cells: Cells, apart: Lattice, taken: Mask) -> Mask:
         left, top, width, height, _ = boxes[number].tolist()
         box = slice(top, top + height), slice(left, left + width)
         at = numbers[box] == number
-        second = _to_second(
-            cells.first[box][at], cells.second[box][at], cells.lead[box][at].astype(np.float64), may_yield[box][at]
-        )
-        if second is not None:
-            found[box][at] = second
+        lead, whole = cells.lead[box][at].astype(np.float64), cells.inside[1][box][at] == WHOLLY
+        if (whole & (lead >= ALONE) & (lead < UNDER_OVERLAY / 2)).any():
+            continue  # someone who walks: a frame has something here that no other has anywhere
+        winner = _winner(cells.first[box][at], cells.second[box][at], np.minimum(lead, ALONE), may_yield[box][at])
+        if winner is not None:
+            to_second = cells.first[box][at] != winner
+            can = ~to_second | ((cells.second[box][at] == winner) & may_yield[box][at])
+            found[box][at] = np.where(can, to_second, taken[box][at])
     return found
 
 
@@ -60,20 +64,14 @@ def _of_things(cells: Cells, apart: Lattice) -> np.ndarray[tuple[int, ...], np.d
     return np.asarray(wider * two, np.uint8)
 
 
-def _to_second(first: np.ndarray, second: np.ndarray, lead: np.ndarray, may_yield: np.ndarray) -> np.ndarray | None:
-    """Of a thing's cells (n,), which are to show their second for (nearly) all to show one frame; None if no frame may, if two
-    are as good, or if a frame has something here that no other has anywhere: someone who walks."""
-    firsts = np.unique(first)
-    if len(firsts) == 1:
-        return np.zeros(len(first), np.bool_)
-    if (lead >= ALONE).any():
-        return None
+def _winner(first: np.ndarray, second: np.ndarray, lead: np.ndarray, may_yield: np.ndarray) -> int | None:
+    """Of a thing's cells (n,): the frame that may show (nearly) all of it and sees it best; None if none may, or two as well."""
     worth = []
-    for one in firsts.tolist():
+    for one in np.unique(first).tolist():
         leads, follows = first == one, (second == one) & may_yield
         if (leads | follows).mean() >= NEARLY:
             worth.append((float(lead[leads].sum() - lead[follows].sum() - OPEN * (~(leads | follows)).sum()), one))
     worth.sort()
     if not worth or (len(worth) > 1 and worth[-1][0] == worth[-2][0]):
         return None
-    return np.asarray((first != worth[-1][1]) & (second == worth[-1][1]) & may_yield)
+    return int(worth[-1][1])

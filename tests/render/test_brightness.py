@@ -7,8 +7,8 @@ import numpy as np
 from painting_parts import painted, picture
 
 from gcs_mosaic.archive.exposure_compensation import curves_of
-from gcs_mosaic.render.agreement import Overlap, overlap_of
-from gcs_mosaic.render.brightness import Aircraft, Brightness
+from gcs_mosaic.render.agreement import Aircraft, Overlap, overlap_of
+from gcs_mosaic.render.brightness import Brightness
 from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import OUTWARDS, Vignetting, VignettingSettings, radii

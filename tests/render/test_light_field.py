@@ -105,3 +105,29 @@ def test_a_field_is_what_its_frame_is_painted_with_and_is_compared_by() -> None:
     assert factor.reshape(-1, 3).mean(axis=0) == pytest.approx([1, np.exp(0.5), 1], rel=1e-5)
     assert sure(frame_warp(plain)).brightening is None
     assert brightness_apart(lit, plain) == pytest.approx(0.5)
+
+
+def test_a_step_is_taken_out_where_two_aircraft_take_turns() -> None:
+    """Between two frames of one camera lies one of the other's: they are in close succession all the same."""
+    ground = np.random.default_rng(4).normal(90, 12, (LENS.height, LENS.width + STEP * 12, 1)).clip(40, 140)
+    known = Brightness(ExposureSettings(), VignettingSettings(sigma=1e-6), lambda camera: NO_BORDER)
+    there: list[RenderItem] = []
+    for order in range(24):
+        light = (0.5 if order // 2 == 6 else 0.0) + 0.3 * (
+            order % 2
+        )  # one frame of each is brighter, and one camera always
+        small = (ground[:, order // 2 * STEP :][:, : LENS.width] * np.exp([light] * 3)).astype(np.float32)
+        one = painted(order, order // 2 * STEP, camera=LENS)
+        there.append(known.settled(one, small, there[-6:], aircraft=order % 2))
+    looks = known.final({one.name: one for one in there})
+    gains = [float(np.log(looks[one.name][0][0])) for one in there]
+    for camera in (0, 1):
+        of_camera = gains[camera::2]
+        assert of_camera[6] < of_camera[3] - 0.3
+        assert abs(of_camera[3]) < 0.1  # what lasts is no gain
+
+
+@pytest.mark.parametrize("wrong", [{"around": -1}, {"unnoticed": 0.0}, {"least_gain": 0.0}, {"most_gain": 0.5}])
+def test_settings_that_have_no_meaning_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        ExposureSettings(**wrong)  # type: ignore[arg-type]

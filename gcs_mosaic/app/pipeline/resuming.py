@@ -14,6 +14,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.render.exposure import OverlapMeans
 from gcs_mosaic.render.render_list import RenderEntry
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.view_graph import Link
@@ -29,7 +30,7 @@ logger = logging.getLogger(__name__)
 
 SAME_CLOCK_S = 60.0  # tolerance for clock corrections, shorter than any reboot takes
 PAPER = Unusable("a map of the paper's recipe is in memory only")
-LARGE = (Features, Link, Registration, RenderEntry)  # types of checkpoint values that are written once
+LARGE = (Features, Link, Registration, RenderEntry, OverlapMeans)  # types of checkpoint values that are written once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
