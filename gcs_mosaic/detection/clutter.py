@@ -17,6 +17,7 @@ from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, PointsNx2
 
 # Lengths in sides of a person unless stated otherwise.
 SIDE_PX = 3  # of a person in the analysed picture, where the original is as fine
+MOST_PX = 6_000_000  # analysed of a picture: half a GB while that is done
 SURROUND = 9  # against which it has to stand out
 AROUND = 25  # over which the ground is taken to be of one kind
 STEP = 8  # between two places that are told of
@@ -57,10 +58,15 @@ class GroundStatistics:
         return row, column
 
 
+def analysed_scale(width: int, height: int, side_px: float) -> float:
+    """Pixels that are analysed of a picture's each, in which a person's side is so many."""
+    return min(1.0, SIDE_PX / side_px, math.sqrt(MOST_PX / max(1, width * height)))
+
+
 def filtered(picture: ImageBGR, side_px: float) -> FilteredPicture:
     """Of a picture (h, w, 3) in which a person's side is so many pixels."""
     height, width = picture.shape[:2]
-    scale = min(1.0, SIDE_PX / side_px)
+    scale = analysed_scale(width, height, side_px)
     size = max(8, round(width * scale)), max(8, round(height * scale))
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA) if scale < 1 else picture
     lab = np.asarray(cv2.cvtColor(small.astype(np.float32) / np.float32(255), cv2.COLOR_BGR2Lab), np.float32)

@@ -29,13 +29,14 @@ from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of
 PER_FOOTPRINT = 12  # cells
 MOST_CELLS = 512  # of a side
 SQUARES = 8  # of directions each way; farther ones begin anew
+SOME_GREY = "Pictures of one band state nothing: how a person stands out in them is not known."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionMap:
-    """Of an island at a revision of the map. `probability` (rows, columns): NaN where nothing measured was seen, 0 in gaps;
-    `flown`: cells that were seen or are gaps, `is_seen`: of those that a measured frame saw; `measured` of `frames`; `troubles`:
-    of frames that cannot be measured, each once."""
+    """Of an island at a revision of the map. `probability` (rows, columns): NaN where no frame states anything, 0 in gaps;
+    `flown`: cells that were seen or are gaps, `is_seen`: of those that a frame which states something saw; `measured` of
+    `frames`; `is_grey`: all measured ones have one band; `troubles`: of frames that state nothing, each once."""
 
     revision: int
     grid: Grid
@@ -52,10 +53,15 @@ class DetectionMap:
         known = cells & np.isfinite(self.probability)
         return float(self.probability[known].mean()) if known.any() else None
 
+    @property
+    def covered(self) -> float:
+        """Share of the flown area of which something is stated."""
+        return float(np.isfinite(self.probability[self.flown]).mean()) if self.flown.any() else 0.0
+
     def below(self, least: float) -> Mask:
-        """Cells of the flown area where it is less."""
+        """Cells of the flown area where it is less, or nothing is stated."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(self.flown & (self.probability < least))
+            return np.asarray(self.flown & ~(self.probability >= least))
 
     def cells_in(self, outline: PointsNx2) -> Mask:
         """The cells of the flown area whose middles lie in an outline (n, 2) on the canvas."""
@@ -110,26 +116,29 @@ def detection_map(
     grid = _coarse(whole.grid, footprint_of(table.boxes[table.islands == island]))
     looks = _Looks((grid.rows, grid.columns))
     ours = [index for index, one in enumerate(table.frames) if one.island == island]
-    known = [(index, found) for index in ours if (found := measured.of(table.frames[index])) is not None]
-    for index, found in known:
-        painted = view.painted(table.frames[index].number)
-        if found.ground is not None and painted is not None:
+    unstated = np.zeros((grid.rows, grid.columns), np.bool_)
+    known = [found for index in ours if (found := measured.of(table.frames[index])) is not None]
+    for index in ours:
+        found, painted = measured.of(table.frames[index]), view.painted(table.frames[index].number)
+        if found is not None and found.ground is not None and not found.ground.is_grey and painted is not None:
             _add(looks, grid, table, index, found, painted, person, side)
+        elif (cells := cells_of(grid, table.outlines[index])) is not None:
+            unstated[cells[0]] |= cells[1]
     probability = looks.probability(coefficients())
     seen = _resampled(whole.looks > 0, whole.grid, grid)
     bare = _gap_cells(grid, gaps) & ~seen
     probability[bare] = 0.0
-    grey = [found.ground.is_grey for _, found in known if found.ground is not None]
+    grey = [found.ground.is_grey for found in known if found.ground is not None]
     return DetectionMap(
         revision=table.revision,
         grid=grid,
         probability=probability,
-        flown=seen | bare,
+        flown=(seen & (looks.is_seen | unstated)) | bare,  # not the rim of cells whose middles no frame saw
         is_seen=looks.is_seen,
         frames=len(ours),
         measured=len(known),
-        is_grey=bool(grey) and sum(grey) > len(grey) / 2,
-        troubles=sorted({found.trouble for _, found in known if found.trouble}),
+        is_grey=bool(grey) and all(grey),
+        troubles=sorted({found.trouble for found in known if found.trouble} | ({SOME_GREY} if any(grey) else set())),
     )
 
 

@@ -5,20 +5,32 @@ from __future__ import annotations
 import logging
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
-from gcs_mosaic.detection.clutter import SIDE_PX, FilteredPicture, GroundStatistics, disagreement, filtered, statistics
+from gcs_mosaic.detection.clutter import (
+    FilteredPicture,
+    GroundStatistics,
+    analysed_scale,
+    disagreement,
+    filtered,
+    statistics,
+)
+from gcs_mosaic.render.exposure import is_false_colour
 from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.stitch.arrays import Array, FloatImage
+from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR
 from gcs_mosaic.store.records import PositionRecord
 from gcs_mosaic.views.flight_view import FlightView, pixels_of, places_of
 from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, displayed
 
 logger = logging.getLogger(__name__)
 
-REMEMBERED = 3  # filtered pictures, a few MB each, with which the next ones are compared
+REMEMBERED = 3  # filtered pictures, 24 MB each at most, with which the next ones are compared
+THUMBNAIL = 160  # px of the longer side, at most: enough to tell a palette
+PALETTE = "Its colours are a palette: how a person stands out in them is not known."
+TOO_SMALL = "A person would be too small in it to be measured in a picture so large."
 MESH = 12  # columns and rows over which a picture is laid on another
 MOST_FRAMES = 20_000  # measured; 15 KB each
 
@@ -41,13 +53,18 @@ class _Remembered:
 
 
 class MeasuredFrames:
-    """Measures at its own pace; thread-safe. `side_units`: of the person, canvas units."""
+    """Measures the islands that are wanted, at its own pace; thread-safe. `side_units`: of the person, canvas units."""
 
     def __init__(self, view: FlightView, side_units: float) -> None:
         self._view, self._side = view, side_units
         self._lock = threading.Lock()
         self._known: dict[tuple[int, str | None], MeasuredFrame] = {}
         self._remembered: OrderedDict[int, _Remembered] = OrderedDict()
+        self._wanted: frozenset[int] = frozenset()
+
+    def want(self, island: int) -> None:
+        """Measure its frames, too."""
+        self._wanted |= {island}
 
     @property
     def count(self) -> int:
@@ -59,8 +76,8 @@ class MeasuredFrames:
         return self._known.get((frame.number, frame.content_hash))
 
     def waiting(self) -> list[PositionRecord]:
-        """The painted frames that are not measured, in the order in which they were taken."""
-        frames = [one for one in self._view.table().frames if self.of(one) is None]
+        """The painted frames of wanted islands that are not measured, in the order in which they were taken."""
+        frames = [one for one in self._view.table().frames if one.island in self._wanted and self.of(one) is None]
         return sorted(frames, key=lambda one: (one.island, one.order)) if len(self._known) < MOST_FRAMES else []
 
     def step(self) -> bool:
@@ -79,6 +96,11 @@ class MeasuredFrames:
             self._known[frame.number, frame.content_hash] = found
             return True
 
+    def forget_pictures(self) -> None:
+        """Those with which the next ones would be compared: nobody is asking."""
+        with self._lock:
+            self._remembered.clear()
+
     def _measured(self, frame: PositionRecord) -> MeasuredFrame:
         """Raises NoPicture."""
         record, painted = self._view.frame(frame.number), self._view.painted(frame.number)
@@ -86,11 +108,20 @@ class MeasuredFrames:
             raise NoPicture("It is not on the map any more.")
         per_painted = record.width / painted.camera.width
         side_px = self._side / np.exp(painted.pose.log_gsd) * per_painted
-        reduction = max(each for each in REDUCTIONS if each == 1 or side_px / each >= SIDE_PX)
-        picture = filtered(displayed(self._view, frame.number, reduction), side_px / reduction)
-        picture = FilteredPicture(picture.means, picture.local, picture.scale / reduction, picture.side)
+        scale = analysed_scale(record.width, record.height or 0, side_px)
+        if scale < 1 and scale * side_px < 1:
+            raise NoPicture(TOO_SMALL)
+        reduction = max(each for each in REDUCTIONS if each == 1 or scale * each <= 1)
+        shown = displayed(self._view, frame.number, reduction)
+        if is_false_colour(_thumbnail(shown)):
+            raise NoPicture(PALETTE)
+        picture = filtered(shown, side_px / reduction)
+        picture = replace(picture, scale=picture.scale / reduction)
         ground = statistics(picture)
-        own = _Remembered(picture, painted, per_painted)
+        if ground.is_grey:  # it states nothing, and no other is to be compared with it
+            return MeasuredFrame(ground, None)
+        lightness = np.ascontiguousarray(picture.local[..., :1])  # all that looks are compared by
+        own = _Remembered(replace(picture, means=lightness, local=lightness), painted, per_painted)
         differs = self._differs(own, ground)
         self._remembered[frame.number] = own
         while len(self._remembered) > REMEMBERED:
@@ -106,6 +137,13 @@ class MeasuredFrames:
             told = disagreement(own.picture, other.picture, _laid_on(own, other), step)
             found = told if found is None else np.where(np.isfinite(found), found, told)
         return found
+
+
+def _thumbnail(picture: ImageBGR) -> ImageBGR:
+    height, width = picture.shape[:2]
+    scale = min(1.0, THUMBNAIL / max(width, height))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _laid_on(one: _Remembered, other: _Remembered) -> FloatImage:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from scipy.ndimage import find_objects
 
 from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.cells import CELLS, Window
@@ -92,6 +91,8 @@ def squares(cells: tuple[slice, slice]) -> tuple[slice, slice]:
 
 def shown_boxes(first: FrameNumbers, window: Window) -> dict[int, Window]:
     """By number of the frames that show on these cells: the tiles containing each one's cells."""
+    from scipy.ndimage import find_objects  # the page, which reads no more than tones, starts without
+
     found = {}
     for number, box in enumerate(find_objects(first + 1)):
         if box is not None:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, pixel_size, tile_box
-from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR
+from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, Indices
 from gcs_mosaic.views.changes import FlightChanges
 from gcs_mosaic.views.coverage import Coverage, Grid, IslandCoverage, nearest_cells, seen_on
 from gcs_mosaic.views.flight_view import FlightView
@@ -216,17 +216,22 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
 
 def _greatest(strength: FloatImage, window: GroundWindow, grid: Grid) -> FloatImage:
     """The greatest change, whatever its sign, in or beside each cell of a grid: what is small is seen from afar, too."""
-    reach = max(1, round(grid.cell / window.cell))
+    half = max(1, round(grid.cell / window.cell)) // 2  # cells of the window
     left, top = (grid.left - window.left) / window.cell, (grid.top - window.top) / window.cell
     columns = np.floor(left + (np.arange(grid.columns) + 0.5) * grid.cell / window.cell).astype(int)
     rows = np.floor(top + (np.arange(grid.rows) + 0.5) * grid.cell / window.cell).astype(int)
-    known = ((rows >= 0) & (rows < window.rows))[:, None] & ((columns >= 0) & (columns < window.columns))
-    if not known.any():
-        return np.zeros((grid.rows, grid.columns), np.float32)
-    low, high = max(0, rows[0] - reach), min(window.rows, rows[-1] + reach + 1)
-    part = cv2.dilate(np.abs(strength[low:high]), np.ones((reach | 1, reach | 1), np.uint8))
-    at = np.ix_((rows - low).clip(0, len(part) - 1), columns.clip(0, window.columns - 1))
-    return np.asarray(np.where(known, part[at], 0), np.float32)
+    is_row, is_column = (rows >= 0) & (rows < window.rows), (columns >= 0) & (columns < window.columns)
+    found = np.zeros((grid.rows, grid.columns), np.float32)
+    if is_row.any() and is_column.any():
+        along = _greatest_around(strength, rows[is_row], half)
+        found[np.ix_(is_row, is_column)] = _greatest_around(along.T, columns[is_column], half).T
+    return found
+
+
+def _greatest_around(values: FloatImage, rows: Indices, half: int) -> FloatImage:
+    """The greatest absolute values (n, columns) within so many rows of some rows (n,)."""
+    around = (np.abs(values[max(0, row - half) : row + half + 1]).max(axis=0) for row in rows.tolist())
+    return np.stack(list(around)).astype(np.float32)
 
 
 def _encoded(layer: MapLayer, seen: Coverage, usual: Usual) -> bytes | None:

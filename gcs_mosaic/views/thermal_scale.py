@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -31,9 +32,14 @@ logger = logging.getLogger(__name__)
 TICKS = 5
 USUAL = 0.95  # share of the frames that are painted as the scale says, within what is told
 MOST_PALETTE_PIXELS = 1_400_000  # no uncooled sensor has more; larger pictures are not looked at for a palette
+KEPT_ISLANDS = 16
 KEPT = 200_000  # of what files say
 
 Kind = Literal["temperature", "counts", "palette"]
+
+
+class _NotNow(Exception):  # noqa: N818 -- an answer that is not remembered
+    """It cannot be read or decoded, perhaps for a moment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +62,7 @@ class RangeOfCounts:
     display: Display
     shown: Sequence[tuple[Display, float]]  # each frame's own display, and its gain
     unit: CountUnit | None
+    is_whole: bool = True  # all originals could be asked for their unit
 
     @property
     def usual(self) -> float:
@@ -76,13 +83,24 @@ class ThermalScales:
     def __init__(self, view: FlightView) -> None:
         self._view = view
         self._told = lru_cache(KEPT)(self._in_original)
-        self._scale = lru_cache(16)(self._made)
+        self._scales: dict[int, tuple[int, ThermalScale | None]] = {}  # the last of each island
         self._palette = lru_cache(64)(self._is_palette)
 
     def of(self, island: int) -> tuple[int, ThermalScale | None]:
         """The map's revision, and the island's scale then; None where frames are ordinary pictures, or none are there."""
         revision = self._view.table().revision
-        return revision, self._scale(island, revision)
+        if (known := self._scales.get(island)) is not None and known[0] == revision:
+            return known
+        try:
+            scale, is_whole = self._made(island)
+        except UsageError:
+            logger.info("no ledger can be read", exc_info=True)
+            return revision, None
+        if is_whole:  # else it may be another a moment later
+            self._scales[island] = revision, scale
+            while len(self._scales) > KEPT_ISLANDS:
+                self._scales.pop(next(iter(self._scales)), None)
+        return revision, scale
 
     def counts_of(self, island: int) -> RangeOfCounts | None:
         """The range in which an island's counts of one band are shown; None of pictures of other kinds."""
@@ -96,47 +114,52 @@ class ThermalScales:
         band = usual.shown[0]
         shown = [(own, gain[band]) for name, own, gain in thermal if name in names]
         originals = [one for one in self._view.table().frames if one.name in names]
-        said = (self._told(one.original, one.content_hash) for one in originals)
-        told = {units for units in said if units is not None}  # of originals that are gone nothing is known
-        found = RangeOfCounts(usual, shown, None)
-        units = told.pop() if len(told) == 1 else ()
+        said = []
+        for one in originals:
+            with suppress(_NotNow):  # of originals that are gone nothing is known
+                said.append(self._told(one.original, one.content_hash))
+        found = RangeOfCounts(usual, shown, None, is_whole=len(said) == len(originals))
+        units = said[0] if len(set(said)) == 1 else ()
         return replace(found, unit=likely_unit(units, found.usual))
 
-    def _made(self, island: int, _revision: int) -> ThermalScale | None:
-        try:
-            found = self.counts_of(island)
-        except UsageError:
-            logger.info("no ledger can be read", exc_info=True)
-            return None
+    def _made(self, island: int) -> tuple[ThermalScale | None, bool]:
+        """And whether all could be read that it is made of. Raises UsageError."""
+        found = self.counts_of(island)
         if found is not None:
-            return scale_of(found)
+            return scale_of(found), found.is_whole
         frames = [one for one in self._view.table().frames if one.island == island]
         small = [one for one in frames if one.camera.width * one.camera.height <= MOST_PALETTE_PIXELS]
         if 2 * len(small) <= len(frames):
-            return None
-        found_ones = [self._palette(small[at].number) for at in _tried(len(small))]
-        return ThermalScale("palette", "", (), (), None) if 2 * sum(found_ones) > len(found_ones) else None
+            return None, True
+        tried, found_ones = _tried(len(small)), []
+        for at in tried:
+            with suppress(_NotNow):
+                found_ones.append(self._palette(small[at].number))
+        scale = ThermalScale("palette", "", (), (), None) if 2 * sum(found_ones) > len(tried) else None
+        return scale, len(found_ones) == len(tried)
 
     def _is_palette(self, number: int) -> bool:
+        """Raises _NotNow."""
         from gcs_mosaic.frames.decode import Unreadable  # only once somebody asks
         from gcs_mosaic.render.exposure import is_false_colour
         from gcs_mosaic.views.decoding import original_pixels
 
         record = self._view.frame(number)
         image = None if record is None else original_pixels(self._view, record, 4)
-        return image is not None and not isinstance(image, Unreadable) and is_false_colour(image)
+        if image is None or isinstance(image, Unreadable):
+            raise _NotNow
+        return is_false_colour(image)
 
-    def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[CountUnit, ...] | None:
-        """What an original says; None if it is not there."""
+    def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[CountUnit, ...]:
+        """What an original says. Raises _NotNow if it is not there."""
         path = place_of(self._view.root, original) if original is not None else None
         if path is None:
-            return None
+            raise _NotNow
         try:
             with inside.reading(path, self._view.root) as file:
                 return units_told(file)
-        except OSError:
-            logger.info("what an original says of its counts cannot be read", exc_info=True)
-            return None
+        except OSError as error:
+            raise _NotNow from error
 
 
 def common_unit(view: FlightView, islands: Sequence[int]) -> CountUnit | None:

@@ -16,13 +16,16 @@ from rich.console import Console
 from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.multiband_tiff import export_tiff
+from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.stitch.features.extraction import FeatureSettings
 from gcs_mosaic.stitch.mosaic import StitchSettings
+from gcs_mosaic.views import decoding
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import displayed
 from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
 from tests import thermal
 from tests.sure import sure
+from tests.web.seen_flight import seen_flight
 
 CONFIG = Config(stitch=StitchSettings(features=FeatureSettings(megapixels=0.08, count=500)))
 CENTIKELVIN = (
@@ -138,3 +141,22 @@ def coloured(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_palette_has_no_scale_and_says_so(coloured: Path) -> None:
     scale = scale_of(coloured)
     assert (scale.kind, list(scale.values)) == ("palette", [])
+
+
+def test_what_cannot_be_read_for_a_moment_is_asked_for_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rainbow = cv2.applyColorMap(cv2.resize(np.arange(256, dtype=np.uint8)[None], (240, 180)), cv2.COLORMAP_JET)
+    answers: list[object] = [Unreadable("too much is decoded at once")]
+    asked = []
+
+    def pixels(*_: object) -> object:
+        asked.append(1)
+        return answers.pop() if answers else rainbow
+
+    monkeypatch.setattr(decoding, "original_pixels", pixels)
+    scales = ThermalScales(FlightView(seen_flight(tmp_path).root))
+    answers *= 3
+    assert scales.of(0)[1] is None
+    assert sure(scales.of(0)[1]).kind == "palette"
+    tries = len(asked)
+    assert sure(scales.of(0)[1]).kind == "palette"
+    assert len(asked) == tries

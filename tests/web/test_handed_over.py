@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.handover import message
+from gcs_mosaic.notes.anchors.scales import Scales
 from gcs_mosaic.notes.finds.finds import Finds, NewFind
 from gcs_mosaic.notes.ground.binding import GroundFollower
 from gcs_mosaic.notes.storage.book import NotesBook
@@ -51,6 +54,23 @@ def test_why_there_is_no_mission_is_said(client: Client, tmp_path: Path) -> None
     server = WebServer(gapped_flight(tmp_path / "unsure", 0.7), HttpAddress("127.0.0.1", 0))
     assert b"--height METRES" in refused(Client(server.start()), "/api/v1/mission.plan", 409)
     server.stop()
+
+
+def test_a_mission_asks_for_a_person_as_large_as_the_page_says(root: Path, client: Client) -> None:
+    """By the distance that somebody has given, which says otherwise than the pins."""
+    follower = GroundFollower(FlightView(root))
+    ends = (follower.bound(0, 0.0, 0.0), follower.bound(0, 400.0, 0.0))
+    with closing(NotesBook(root)) as book:
+        Scales(book).create(ends, 100.0, "Ann")
+    mission = "/api/v1/mission.plan?below=0.5"
+    assert b"0 of" in refused(client, mission, 409)
+    end = time.monotonic() + 30
+    while (told := json.loads(client.ask("/api/v1/islands/0/detection")[1]))["measured"] < told["frames"]:
+        assert time.monotonic() < end, told
+        time.sleep(0.2)
+    assert told["by"] == "distance"
+    time.sleep(1.1)
+    assert b"No picture can be measured" in refused(client, mission, 409)  # there are no originals
 
 
 def refused(client: Client, path: str, status: int) -> bytes:

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.app.status.conditions import Conditions
+from gcs_mosaic.detection.detection_map import SOME_GREY
+from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
@@ -72,6 +74,10 @@ def test_what_stands_in_the_page_has_a_german_word() -> None:
     assert set(words.found) - german().keys() - AS_THEY_ARE == set()
 
 
+def test_why_nothing_is_stated_of_a_person_has_german_words() -> None:
+    assert {NO_SCALE, GREY, SOME_GREY, PALETTE, TOO_SMALL} <= german().keys()
+
+
 def test_layers_have_german_words() -> None:
     assert {
         word for one in legends(merged=True) for word in (one.title, one.worst, one.best)
@@ -84,7 +90,7 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
     scripts = "".join(path.read_text("utf-8") for path in SCRIPTS)
     served = [
         *sentences_of_the_server(),
-        *(NO_SCALE, GREY),
+        *(NO_SCALE, GREY, SOME_GREY, PALETTE, TOO_SMALL),
         *(word for one in legends(merged=True) for word in (one.title, one.worst, one.best)),
     ]
     used = {*words.found, *served, *(word for script in SCRIPTS for word in said_by(script))}

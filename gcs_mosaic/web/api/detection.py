@@ -14,7 +14,8 @@ import numpy as np
 from aiohttp import web
 
 from gcs_mosaic.detection.detection_map import DetectionMap
-from gcs_mosaic.detection.detections import Detections, units_of_pixel
+from gcs_mosaic.detection.detections import ASKED_S, Detections, units_of_pixel
+from gcs_mosaic.detection.model import WHOLE_PX
 from gcs_mosaic.detection.persons import Clothes, Person, Posture
 from gcs_mosaic.notes.anchors.anchoring import anchored
 from gcs_mosaic.notes.anchors.pins import SetPin
@@ -35,7 +36,6 @@ from gcs_mosaic.web.tile_answer import tile_answer
 OPERATIONS = Operations()
 Result = TypeVar("Result")
 By = Literal["anchor", "distance", "pixels"]
-ASKED_S = 20.0  # frames are measured for so long after somebody has asked
 PAUSE_S = 0.3
 MOST_WAITING = 32  # a browser asks for six tiles at once: five pages
 COLOURS = cv2.COLORMAP_VIRIDIS
@@ -54,7 +54,7 @@ class PersonQuery:
     clothes: Clothes = "blue"
     pixels: Annotated[
         float | None,
-        Limits(least=0.2, most=1000),
+        Limits(least=WHOLE_PX, most=1000),
         "side of a square of the person's area in a usual original, where no scale is known",
     ] = None
     outline: Annotated[str, Limits(longest=6000), "x,y;x,y;... on the island's canvas: a part of it"] = ""
@@ -71,6 +71,9 @@ class DetectionAnswer:
     part: Annotated[float | None, "of somebody anywhere in the outline that was asked for, as far as it was flown"] = (
         None
     )
+    covered: Annotated[
+        float | None, "share of the flown area of which something is stated: these figures leave the rest out"
+    ] = None
     frames: int
     measured: Annotated[int, "of the frames: the others count for nothing yet"]
     person_px: Annotated[float | None, "side of a square of the person's area in a usual original"]
@@ -107,8 +110,12 @@ class Measuring:
         return await self._thread.run(work, *given)
 
     async def for_ever(self) -> None:
+        was_asked = False
         while True:
             is_asked = time.monotonic() - self._asked < ASKED_S
+            if was_asked and not is_asked:
+                await self._thread.run_anyway(self.detections.forget_pictures)
+            was_asked = is_asked
             if not is_asked or not await self._thread.run_anyway(self.detections.step):
                 await asyncio.sleep(PAUSE_S)
 
@@ -175,12 +182,17 @@ async def _sought(request: web.Request) -> Sought:
         pixel = await in_thread(request, units_of_pixel, request.app[VIEW], island)
         side = None if pixel is None else asked.pixels * pixel
         return Sought(island, person, outline, side, None if side is None else "pixels")
-    notes = request.app[NOTES]
-    (_, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
-    scale = (await in_thread(request, _scales, notes, known, *laid)).get(island)
+    scale = (await scales_of(request)).get(island)
     if scale is None:
         return Sought(island, person, outline, None, None)
     return Sought(island, person, outline, person.side_m / scale.metres_per_unit, scale.source)
+
+
+async def scales_of(request: web.Request) -> dict[int, IslandScale]:
+    """Each island's scale by what is known of it now, as the page tells it."""
+    notes = request.app[NOTES]
+    (_, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
+    return await in_thread(request, _scales, notes, known, *laid)
 
 
 def _scales(
@@ -209,9 +221,12 @@ def _answer(request: web.Request, asked: Sought) -> DetectionAnswer:
     )
     if found is None or found.is_grey:
         return told if found is None else replace(told, trouble=GREY)
+    if not found.is_seen.any():  # gaps alone are no figure
+        return replace(told, trouble="".join(found.troubles[:1]))
     return replace(
         told,
         trouble="".join(found.troubles[:1]),
+        covered=found.covered,
         flown=found.within(found.flown),
         seen=found.within(found.is_seen & found.flown),
         part=None if asked.outline is None else found.within(found.cells_in(asked.outline)),

@@ -11,18 +11,20 @@ from typing import TYPE_CHECKING, Annotated
 
 from aiohttp import web
 
+from gcs_mosaic.detection.detection_map import DetectionMap
 from gcs_mosaic.detection.persons import Clothes, Person, Posture
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of
 from gcs_mosaic.notes.anchors.pins import SetPin
+from gcs_mosaic.notes.anchors.scales import IslandScale
 from gcs_mosaic.notes.finds.finds import Find, PlacedFind, placed
 from gcs_mosaic.notes.storage.checked import Who
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, answer, in_thread, missing
-from gcs_mosaic.web.api.detection import MEASURING
+from gcs_mosaic.web.api.detection import MEASURING, scales_of
 from gcs_mosaic.web.api.finds import COT, ONE
 from gcs_mosaic.web.api.layers import TILES
 from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
@@ -124,7 +126,8 @@ async def mission(request: web.Request) -> web.StreamResponse:
     asked, notes, kind = asked_query(request, MissionQuery), request.app[NOTES], request.match_info["format"]
     _, *pinned = await notes.run(notes.pinned)
     try:
-        text = await in_thread(request, _file, request, asked, pinned, kind, pool=SLOW_POOL)
+        scales = await scales_of(request)
+        text = await in_thread(request, _file, request, asked, pinned, kind, scales, pool=SLOW_POOL)
     except UsageError as error:
         raise web.HTTPConflict(text=f"{error}\n") from error
     headers = {"Content-Disposition": f'attachment; filename="gaps.{kind}"'}
@@ -245,7 +248,9 @@ def _debriefing(request: web.Request, pinned: Pinned, finds: Sequence[Find]) -> 
     return as_debriefing(view, shown, laid, tiles.islands.of, time.time())
 
 
-def _file(request: web.Request, asked: MissionQuery, pinned: Pinned, kind: str) -> str:
+def _file(
+    request: web.Request, asked: MissionQuery, pinned: Pinned, kind: str, scales: Mapping[int, IslandScale]
+) -> str:
     from gcs_mosaic.handover.mission import MissionWish, planned
     from gcs_mosaic.handover.mission_files import MISSION_FILES
 
@@ -260,7 +265,13 @@ def _file(request: web.Request, asked: MissionQuery, pinned: Pinned, kind: str) 
         person=Person(posture=asked.posture, clothes=asked.clothes),
     )
     anchors = _anchors(request.app[NOTES].islands(*pinned))
-    known = request.app[MEASURING].detections.known
+    detections = request.app[MEASURING].detections
+
+    def known(island: int, person: Person, by_anchor: float) -> DetectionMap | None:
+        """Of a person as large as the page says: a distance that somebody has given goes before an anchor."""
+        scale = scales.get(island)
+        return detections.known(island, person, person.side_m / scale.metres_per_unit if scale else by_anchor)
+
     return MISSION_FILES[kind](planned(view, anchors, islands, tiles.islands.of, wish, known))
 
 

@@ -7,6 +7,7 @@ import { LiveTiles } from "/viewer/tiles.js";
 import { said, t } from "/viewer/words.js";
 
 const AGAIN_MS = 3000; // between two questions while the panel or the layer is shown
+const LEAST_PX = 1.5; // as the server takes them
 /** @type {[string, number][]} colour, width */
 const LINE = [["#000", 5], ["#7ad7ff", 3]];
 
@@ -33,7 +34,8 @@ export class Detection {
       this.pointing.take(tool);
     };
     this.button.onclick = () => this.toggle();
-    for (const input of [this.posture, this.clothes, this.pixels]) input.addEventListener("change", () => this.read());
+    for (const input of [this.posture, this.clothes, this.pixels]) input.addEventListener("change", () => this.readAnew());
+    map.layers.select.addEventListener("change", () => this.giveWay());
     this.panel.addEventListener("opened", () => this.read());
     setInterval(() => this.isWanted() && this.read(), AGAIN_MS);
   }
@@ -52,7 +54,26 @@ export class Detection {
     if (this.map.layer?.island === this.island) return;
     this.island = this.map.layer?.island;
     this.forgetPart();
+    this.blank();
     if (this.isWanted()) this.read();
+  }
+
+  /** Another layer was chosen: one at a time, and the legend is that one's. */
+  giveWay() {
+    if (!this.tiles || !this.map.layers.select.value) return;
+    this.tiles.remove();
+    this.tiles = null;
+    this.button.setAttribute("aria-pressed", "false");
+  }
+
+  /** Something else is asked for than what the figures are of. */
+  readAnew() {
+    this.blank();
+    return this.read();
+  }
+
+  blank() {
+    this.told.textContent = this.part.textContent = byId("detection-said").textContent = "";
   }
 
   toggle() {
@@ -87,13 +108,27 @@ export class Detection {
     return asked;
   }
 
+  /**
+   * @returns {`/api/v1/islands/${number}/detection?${string}`} what the figures are asked for by
+   */
+  address(island) {
+    const asked = this.asked();
+    if (this.corners.length > 2) asked.set("outline", this.corners.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(";"));
+    return `/api/v1/islands/${island}/detection?${asked}`;
+  }
+
   async read() {
     const island = this.map.layer?.island;
     if (island === undefined) return;
-    const asked = this.asked();
-    if (this.corners.length > 2) asked.set("outline", this.corners.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(";"));
-    const answer = await fetchDocument(`/api/v1/islands/${island}/detection?${asked}`).catch(() => null);
-    if (!answer || this.map.layer?.island !== island) return;
+    const address = this.address(island);
+    const answer = await fetchDocument(address).catch(() => null);
+    if (this.map.layer?.island !== island || this.address(island) !== address) return; // who changed that has asked anew
+    if (!answer) {
+      this.blank();
+      const pixels = Number(new URLSearchParams(address.split("?")[1]).get("pixels") ?? LEAST_PX);
+      if (pixels < LEAST_PX) byId("detection-said").textContent = t("Nothing can be said of a person of less than {px} px.", { px: LEAST_PX });
+      return;
+    }
     this.tell(answer);
     if (!this.tiles) return;
     if (this.tiles.island !== island) {
@@ -115,6 +150,8 @@ export class Detection {
     this.told.textContent = answer.flown == null ? "" : t("{share} % in what was flown so far, gaps included", { share: percent(answer.flown) });
     const notes = [answer.trouble && said(answer.trouble)];
     if (answer.seen != null) notes.push(t("On ground that was seen: {share} %.", { share: percent(answer.seen) }));
+    const unstated = Math.ceil(100 * (1 - (answer.covered ?? 1)));
+    if (unstated) notes.push(t("Of {share} % of that ground nothing is stated, and it is not in these figures.", { share: unstated }));
     if (answer.person_px != null) notes.push(t("A person is {px} px across.", { px: answer.person_px.toFixed(1) }));
     if (answer.frames && !isWhole) notes.push(t("{n} of {all} pictures are measured.", { n: answer.measured, all: answer.frames }));
     byId("detection-said").textContent = notes.filter(Boolean).join(" ");
@@ -138,6 +175,7 @@ export class Detection {
     /** @type {[number, number][]} */
     const corners = this.corners.map(([cx, cy]) => [cy, cx]);
     for (const [color, weight] of LINE) this.drawn.addLayer(L.polygon(corners, { color, weight, fill: false, interactive: false }));
+    this.part.textContent = "";
     if (this.corners.length > 2) this.read();
   }
 

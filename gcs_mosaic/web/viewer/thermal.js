@@ -20,6 +20,7 @@ export class Thermal {
     if (island == null) return;
     if (island !== this.island) {
       this.island = island;
+      this.box.hidden = true; // it is the other island's
       this.fresh.begin();
     }
     this.fresh.follow(revision);
