@@ -6,6 +6,7 @@ import logging
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -21,9 +22,11 @@ from gcs_mosaic.detection.clutter import (
 from gcs_mosaic.render.exposure import is_false_colour
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR
-from gcs_mosaic.store.records import PositionRecord
 from gcs_mosaic.views.flight_view import FlightView, pixels_of, places_of
 from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, displayed
+
+if TYPE_CHECKING:  # it loads what stitches, which the page starts without
+    from gcs_mosaic.store.records import PositionRecord
 
 logger = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ ALIKE_SIZE, ALIKE_CONTRAST = 2.0, 2.0  # times
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenBlob:
     """A thing in one frame. `turn`: the frame's place in the order of looks; `x`, `y`, `size` in canvas units; `time`: seconds,
     by one clock for all, or the turn where none is known; `frame` and `pixel` (of the original): where it is looked at."""
 
@@ -30,7 +30,7 @@ class Seen:
     pixel: tuple[float, float]
 
 
-def tracks_of(seen: Sequence[Seen]) -> list[list[Seen]]:
+def tracks_of(seen: Sequence[SeenBlob]) -> list[list[SeenBlob]]:
     """Tracks of LEAST_LOOKS things or more, each thing in one of them at most; the longest, then the straightest, first."""
     turns = _Turns(seen)
     begun = sorted(_beginnings(seen, turns), key=lambda found: found[0])
@@ -49,24 +49,24 @@ def tracks_of(seen: Sequence[Seen]) -> list[list[Seen]]:
 class _Turns:
     """Things by the turn in which they were seen."""
 
-    def __init__(self, seen: Sequence[Seen]) -> None:
-        self._things: dict[int, list[Seen]] = {}
+    def __init__(self, seen: Sequence[SeenBlob]) -> None:
+        self._things: dict[int, list[SeenBlob]] = {}
         for one in seen:
             self._things.setdefault(one.turn, []).append(one)
         self._facts = {
             turn: np.array([(one.x, one.y, one.size, one.contrast) for one in things]).T
             for turn, things in self._things.items()
         }
-        self._beside: dict[tuple[int, int], list[Seen]] = {}
+        self._beside: dict[tuple[int, int], list[SeenBlob]] = {}
 
-    def beside(self, one: Seen, step: int) -> list[Seen]:
+    def beside(self, one: SeenBlob, step: int) -> list[SeenBlob]:
         """What may be the same thing in the look after one (a step of 1), or before it (-1)."""
         key = id(one), step
         if key not in self._beside:
             self._beside[key] = self._sought(one, one.turn + step)
         return self._beside[key]
 
-    def _sought(self, one: Seen, turn: int) -> list[Seen]:
+    def _sought(self, one: SeenBlob, turn: int) -> list[SeenBlob]:
         if turn not in self._things:
             return []
         x, y, sizes, contrasts = self._facts[turn]
@@ -78,7 +78,7 @@ class _Turns:
         return [self._things[turn][index] for index in np.flatnonzero(may_be)]
 
 
-def _beginnings(seen: Sequence[Seen], turns: _Turns) -> Iterator[tuple[float, tuple[Seen, Seen, Seen]]]:
+def _beginnings(seen: Sequence[SeenBlob], turns: _Turns) -> Iterator[tuple[float, tuple[SeenBlob, SeenBlob, SeenBlob]]]:
     """Three in a row that may be one thing, and by how much they miss an even way (times what is allowed)."""
     for first in seen:
         for second in turns.beside(first, 1):
@@ -87,7 +87,7 @@ def _beginnings(seen: Sequence[Seen], turns: _Turns) -> Iterator[tuple[float, tu
                     yield missed, (first, second, third)
 
 
-def _continued(track: list[Seen], turns: _Turns, taken: set[int], step: int) -> list[Seen]:
+def _continued(track: list[SeenBlob], turns: _Turns, taken: set[int], step: int) -> list[SeenBlob]:
     """A track with what comes after its end; by a step of -1, of one that is turned round, before it."""
     while True:
         *_, before, last = track
@@ -98,7 +98,7 @@ def _continued(track: list[Seen], turns: _Turns, taken: set[int], step: int) -> 
         track.append(best)
 
 
-def _missed(first: Seen, second: Seen, third: Seen) -> float:
+def _missed(first: SeenBlob, second: SeenBlob, third: SeenBlob) -> float:
     """How far from where it was to be at an even speed, times what is allowed."""
     step_x, step_y = second.x - first.x, second.y - first.y
     ratio = abs(third.time - second.time) / max(abs(second.time - first.time), 1e-6)

@@ -16,10 +16,10 @@ import numpy as np
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.moved_blobs import AROUND, moved_in
-from gcs_mosaic.hints.mover_tracks import Seen, tracks_of
+from gcs_mosaic.hints.mover_tracks import SeenBlob, tracks_of
 from gcs_mosaic.stitch.arrays import Array, FloatImage, PointsNx2
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of, places_of
-from gcs_mosaic.views.ground_window import GroundWindow, OnGround, flat_picture, laid
+from gcs_mosaic.views.ground_window import CanvasWindow, OnGround, flat_picture, laid
 
 logger = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ class Movers:
     """Tracks, each in order of time, as of a revision of the map; how many of an island's frames were searched, of how many."""
 
     revision: int
-    tracks: Sequence[Sequence[Seen]]
+    tracks: Sequence[Sequence[SeenBlob]]
     searched: int
     frames: int
 
@@ -158,14 +158,14 @@ class MoverSearch:
         painted = self._view.painted(number)
         return None if painted is None else OnGround(painted)
 
-    def _look(self, number: int, lies: OnGround, window: GroundWindow) -> FloatImage | None:
+    def _look(self, number: int, lies: OnGround, window: CanvasWindow) -> FloatImage | None:
         flat = self._picture(number, lies, window)
         if flat is None:
             return None
         shown, seen = laid(lies, flat[..., None], window)
         return np.where(seen, shown[..., 0], np.float32(np.nan)) if seen.any() else None
 
-    def _picture(self, number: int, lies: OnGround, window: GroundWindow) -> FloatImage | None:
+    def _picture(self, number: int, lies: OnGround, window: CanvasWindow) -> FloatImage | None:
         """A frame `flattened`, about as fine as the window's cells; None if its original cannot be shown."""
         if number in self._flat:
             self._flat.move_to_end(number)
@@ -179,11 +179,11 @@ class MoverSearch:
         return self._flat[number]
 
     def _told(self, table: FrameTable, series: Sequence[list[int]]) -> Movers:
-        taken, tracks, searched = self._view.taken(table), list[list[Seen]](), 0
+        taken, tracks, searched = self._view.taken(table), list[list[SeenBlob]](), 0
         for indices in series:
             times = taken[indices]
             is_even = len(times) > 1 and bool(np.isfinite(times).all()) and bool((np.diff(times) > 0).all())
-            seen = list[Seen]()
+            seen = list[SeenBlob]()
             for turn, index in enumerate(indices):
                 found = self._found.get(table.frames[index].number)
                 searched += found is not None
@@ -192,7 +192,7 @@ class MoverSearch:
             tracks += tracks_of(seen)
         return Movers(table.revision, tracks, searched, sum(map(len, series)))
 
-    def _seen(self, number: int, found: _Found, turn: int, at: float) -> list[Seen]:
+    def _seen(self, number: int, found: _Found, turn: int, at: float) -> list[SeenBlob]:
         """Where the things of a frame lie now."""
         painted = self._view.painted(number)
         if painted is None or not len(found.pixels):
@@ -201,7 +201,7 @@ class MoverSearch:
         originals = (found.pixels + 0.5) * found.per_pixel - 0.5
         every = zip(places.tolist(), originals.tolist(), found.sizes.tolist(), found.contrasts.tolist(), strict=True)
         return [
-            Seen(turn, float(at), x, y, size, contrast, number, (px, py))
+            SeenBlob(turn, float(at), x, y, size, contrast, number, (px, py))
             for (x, y), (px, py), size, contrast in every
             if np.isfinite(x)
         ]
@@ -221,10 +221,10 @@ def _series(table: FrameTable, island: int) -> list[list[int]]:
     ]
 
 
-def _window_of(table: FrameTable, index: int) -> GroundWindow | None:
+def _window_of(table: FrameTable, index: int) -> CanvasWindow | None:
     left, top, right, bottom = table.boxes[index].tolist()
     one, longer = table.frames[index], max(right - left, bottom - top)
     if not np.isfinite(longer) or longer <= 0:
         return None
     cell = max(FINEST * float(np.exp(one.pose.log_gsd)), longer / LONGER_SIDE)
-    return GroundWindow(left, top, cell, max(1, int((right - left) / cell)), max(1, int((bottom - top) / cell)))
+    return CanvasWindow(left, top, cell, max(1, int((right - left) / cell)), max(1, int((bottom - top) / cell)))

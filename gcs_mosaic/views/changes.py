@@ -21,7 +21,7 @@ from gcs_mosaic.stitch.arrays import AnyImage, Counts, FloatImage, Mask
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import PROGRESS_NAME
 from gcs_mosaic.views.flight_view import FlightView, FrameTable
-from gcs_mosaic.views.ground_window import GroundWindow, OnGround, flat_picture, laid
+from gcs_mosaic.views.ground_window import CanvasWindow, OnGround, flat_picture, laid
 
 LONGER_SIDE = 3000  # cells of an island at most: two pictures of it take 50 MB
 FINEST = 2.0  # pixels of a usual frame that a cell is wide at least
@@ -59,7 +59,7 @@ class Compared:
     revision: int
     done: int
     frames: int
-    window: GroundWindow | None = None
+    window: CanvasWindow | None = None
     strength: FloatImage | None = None
     areas: Sequence[ChangedArea] = ()
 
@@ -69,7 +69,7 @@ class _Island:
     """Being compared: each flight's picture so far, and how deep within a frame each of its cells lies."""
 
     revision: int
-    window: GroundWindow
+    window: CanvasWindow
     left: list[tuple[int, int]]  # flight (0 earlier, 1 later), number of the frame
     frames: int
     pictures: list[AnyImage]  # float16
@@ -161,7 +161,7 @@ class FlightChanges:
         if painted is None or box is None:
             return
         (top, bottom), (left, right) = box
-        part = GroundWindow(*_corner(one.window, left, top), one.window.cell, right - left, bottom - top)
+        part = CanvasWindow(*_corner(one.window, left, top), one.window.cell, right - left, bottom - top)
         flat = flat_picture(self._view, number, OnGround(painted), part, AROUND)
         if flat is None:
             return
@@ -234,7 +234,7 @@ def _least(one: _Island, both: Mask) -> float:
     return max(LEAST_CONTRAST, NOISES * 1.4826 * float(np.median(np.abs(apart - np.median(apart)))))
 
 
-def _areas(strength: FloatImage, window: GroundWindow) -> tuple[FloatImage, list[ChangedArea]]:
+def _areas(strength: FloatImage, window: CanvasWindow) -> tuple[FloatImage, list[ChangedArea]]:
     """The strength without specks, and the areas that are left, the largest first."""
     count, labels, facts, middles = cv2.connectedComponentsWithStats((strength != 0).astype(np.uint8), connectivity=8)
     cells = facts[:, cv2.CC_STAT_AREA]
@@ -253,17 +253,17 @@ def _areas(strength: FloatImage, window: GroundWindow) -> tuple[FloatImage, list
     return np.where(is_large[labels], strength, np.float32(0)), areas
 
 
-def _window_over(table: FrameTable, ours: Counts) -> GroundWindow:
+def _window_over(table: FrameTable, ours: Counts) -> CanvasWindow:
     """Over all frames; one that sees the horizon reaches any distance, and must not spoil the grid."""
     boxes = table.boxes[ours]
     (left, top), (right, bottom) = np.quantile(boxes[:, :2], 0.02, axis=0), np.quantile(boxes[:, 2:], 0.98, axis=0)
     gsd = float(np.median([np.exp(table.frames[int(index)].pose.log_gsd) for index in ours]))
     cell = max(FINEST * gsd, (right - left) / LONGER_SIDE, (bottom - top) / LONGER_SIDE)
-    return GroundWindow(float(left), float(top), cell, int((right - left) / cell) + 1, int((bottom - top) / cell) + 1)
+    return CanvasWindow(float(left), float(top), cell, int((right - left) / cell) + 1, int((bottom - top) / cell) + 1)
 
 
 def _rows_columns(
-    window: GroundWindow, table: FrameTable, number: int
+    window: CanvasWindow, table: FrameTable, number: int
 ) -> tuple[tuple[int, int], tuple[int, int]] | None:
     """Rows and columns of a window that a frame's box takes; None for none."""
     boxes = [table.boxes[index] for index, one in enumerate(table.frames) if one.number == number]
@@ -275,7 +275,7 @@ def _rows_columns(
     return (rows, columns) if rows[0] < rows[1] and columns[0] < columns[1] else None
 
 
-def _corner(window: GroundWindow, column: int, row: int) -> tuple[float, float]:
+def _corner(window: CanvasWindow, column: int, row: int) -> tuple[float, float]:
     return window.left + column * window.cell, window.top + row * window.cell
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -12,10 +13,12 @@ from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import Box
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, Lattice, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
-from gcs_mosaic.stitch.graph.placement import Homography
 from gcs_mosaic.views.even_light import flattened
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
 from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, displayed
+
+if TYPE_CHECKING:  # it loads what stitches, which the page starts without
+    from gcs_mosaic.stitch.graph.placement import Homography
 
 STEP = 16  # cells between places that are projected exactly, as on tiles
 NOWHERE = -1e4  # px; outside of every picture
@@ -23,7 +26,7 @@ UNSEEN = 34  # grey level where a frame shows nothing: that of the page behind i
 
 
 @dataclass(frozen=True, slots=True)
-class GroundWindow:
+class CanvasWindow:
     """A part of the canvas, `columns` x `rows` cells of `cell` canvas units; `left`, `top`: its corner."""
 
     left: float
@@ -33,7 +36,7 @@ class GroundWindow:
     rows: int
 
     @classmethod
-    def about(cls, x: float, y: float, side: float, cells: int) -> GroundWindow:
+    def about(cls, x: float, y: float, side: float, cells: int) -> CanvasWindow:
         """A square about a place."""
         return cls(x - side / 2, y - side / 2, side / cells, cells, cells)
 
@@ -75,7 +78,7 @@ def on_ground(view: FlightView, number: int) -> OnGround | None:
     return OnGround(painted, found[0]) if painted is not None and found else None
 
 
-def aligned_look(view: FlightView, number: int, island: int, window: GroundWindow) -> Bands:
+def aligned_look(view: FlightView, number: int, island: int, window: CanvasWindow) -> Bands:
     """A frame's look at a window, (rows, columns, 3) BGR; what it does not see is dark grey. Raises NoPicture."""
     try:
         lies = on_ground(view, number)
@@ -92,7 +95,7 @@ def aligned_look(view: FlightView, number: int, island: int, window: GroundWindo
 
 
 def flat_picture(
-    view: FlightView, number: int, lies: OnGround, window: GroundWindow, around: float
+    view: FlightView, number: int, lies: OnGround, window: CanvasWindow, around: float
 ) -> FloatImage | None:
     """A frame (h, w) as `flattened` over so many cells, about as fine as a window's cells; None if it cannot be shown."""
     try:
@@ -107,7 +110,7 @@ def flat_picture(
     return flattened(grey, around)
 
 
-def reduction_for(view: FlightView, number: int, painted: RenderItem, window: GroundWindow) -> int:
+def reduction_for(view: FlightView, number: int, painted: RenderItem, window: CanvasWindow) -> int:
     """So many times smaller the original may be read, and still is as fine as the window's cells."""
     middle = pixels_of(painted, np.array([window.place_of(window.columns / 2, window.rows / 2)]))
     record = view.frame(number)
@@ -116,7 +119,7 @@ def reduction_for(view: FlightView, number: int, painted: RenderItem, window: Gr
     return max(one for one in REDUCTIONS if one == 1 or one * own <= window.cell)
 
 
-def laid(lies: OnGround, image: Bands, window: GroundWindow) -> tuple[Bands, Mask]:
+def laid(lies: OnGround, image: Bands, window: CanvasWindow) -> tuple[Bands, Mask]:
     """An image (h, w, bands) of a frame, reduced or not, on a window: (rows, columns, bands), and where it is seen."""
     at = _places(lies, image.shape[1], window)
     seen = _seen(lies.painted, at, image)
@@ -125,7 +128,7 @@ def laid(lies: OnGround, image: Bands, window: GroundWindow) -> tuple[Bands, Mas
     return np.asarray(shown).reshape(window.rows, window.columns, image.shape[2]), seen
 
 
-def _places(lies: OnGround, width: int, window: GroundWindow) -> Lattice:
+def _places(lies: OnGround, width: int, window: CanvasWindow) -> Lattice:
     """Pixels (rows, columns, 2) of an image so wide at the window's cells; NaN where the lens cannot see them."""
     down, across = -(-window.rows // STEP) + 1, -(-window.columns // STEP) + 1
     x, y = np.meshgrid(np.arange(across) * STEP * window.cell, np.arange(down) * STEP * window.cell)

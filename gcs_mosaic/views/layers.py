@@ -20,7 +20,7 @@ from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, Indices
 from gcs_mosaic.views.changes import FlightChanges
 from gcs_mosaic.views.coverage import Coverage, Grid, IslandCoverage, nearest_cells, seen_on
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.views.ground_window import GroundWindow
+from gcs_mosaic.views.ground_window import CanvasWindow
 
 CELLS = 64  # of a tile's side: cells of four pixels
 MOST_FRAMES = 400  # for one tile; with more the island's grid will do
@@ -214,7 +214,7 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     )
 
 
-def _greatest(strength: FloatImage, window: GroundWindow, grid: Grid) -> FloatImage:
+def _greatest(strength: FloatImage, window: CanvasWindow, grid: Grid) -> FloatImage:
     """The greatest change, whatever its sign, in or beside each cell of a grid: what is small is seen from afar, too."""
     half = max(1, round(grid.cell / window.cell)) // 2  # cells of the window
     left, top = (grid.left - window.left) / window.cell, (grid.top - window.top) / window.cell

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.hints import movers
-from gcs_mosaic.hints.mover_tracks import Seen, tracks_of
+from gcs_mosaic.hints.mover_tracks import SeenBlob, tracks_of
 from gcs_mosaic.hints.movers import Movers, MoverSearch
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -112,7 +112,7 @@ def test_what_has_not_changed_is_not_linked_again(tmp_path: Path, monkeypatch: p
 def test_linking_again_waits_for_many_times_what_it_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     view, linked = flight(tmp_path, [laid_at(0, 0)] * LOOKS), list[int]()
 
-    def link(seen: Sequence[Seen]) -> list[list[Seen]]:
+    def link(seen: Sequence[SeenBlob]) -> list[list[SeenBlob]]:
         linked.append(len(seen))
         end = time.thread_time() + 0.1
         while time.thread_time() < end:
@@ -133,8 +133,8 @@ def test_linking_again_waits_for_many_times_what_it_costs(tmp_path: Path, monkey
     assert found.searched > 0
 
 
-def seen(turn: int, x: float, contrast: float = 1.0, size: float = 4.0) -> Seen:
-    return Seen(turn, float(turn), x, 0.0, size, contrast, turn, (0.0, 0.0))
+def seen(turn: int, x: float, contrast: float = 1.0, size: float = 4.0) -> SeenBlob:
+    return SeenBlob(turn, float(turn), x, 0.0, size, contrast, turn, (0.0, 0.0))
 
 
 def test_a_track_is_an_even_way_of_things_that_are_alike() -> None:

@@ -26,7 +26,7 @@ Cell = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patch:
+class GroundPatch:
     """Cells from (x, y) on, that a page is lent."""
 
     session: str
@@ -70,10 +70,10 @@ class Looking:
         self._stamps: dict[str, Mapping[Cell, int]] = {}  # of what sessions' patches showed when they were lent
         self._begun = now()
 
-    def lent(self) -> list[Patch]:
+    def lent(self) -> list[GroundPatch]:
         """All that are lent now; those from before a start for `LENT_S` after it."""
         rows = self._book.rows("SELECT * FROM leases ORDER BY session")
-        found = [Patch(**{name: row[name] for name in row.keys()}) for row in rows]  # noqa: SIM118 -- no mapping
+        found = [GroundPatch(**{name: row[name] for name in row.keys()}) for row in rows]  # noqa: SIM118 -- no mapping
         return [one for one in found if self._until.get(one.session, self._begun + LENT_S) > self._now()]
 
     def keep(self, session: str) -> bool:
@@ -90,7 +90,7 @@ class Looking:
             with self._book.change(counts=False) as file:
                 file.write("DELETE FROM leases WHERE session = ?", session)
 
-    def next(self, asked: Place, open_cells: set[Cell]) -> Patch | None:
+    def next(self, asked: Place, open_cells: set[Cell]) -> GroundPatch | None:
         """The patch of a page: the one that it has as long as any of it is open, else the open ground nearest to what its person
         looked at last that is lent to nobody. `open_cells`: what is to be looked at of the island. Raises Unfit."""
         lent = self.lent()
@@ -113,7 +113,7 @@ class Looking:
             return None
         return self._lend(self._around(self._nearest(wanted, asked, own), asked, taken))
 
-    def looked(self, session: str) -> Patch | None:
+    def looked(self, session: str) -> GroundPatch | None:
         """What is lent to a page."""
         return next((one for one in self.lent() if one.session == session), None)
 
@@ -125,13 +125,13 @@ class Looking:
         """None: not since the server was started."""
         return self._stamps.get(session)
 
-    def at(self, asked: Place, own: Patch | None) -> Cell | None:
+    def at(self, asked: Place, own: GroundPatch | None) -> Cell | None:
         """Where somebody looked last."""
         if own is not None and own.island == asked.island:
             return own.x + own.columns // 2, own.y + own.lines // 2
         return self._reviews.last_of(asked.who, asked.island)
 
-    def _nearest(self, wanted: set[Cell], asked: Place, own: Patch | None) -> Cell:
+    def _nearest(self, wanted: set[Cell], asked: Place, own: GroundPatch | None) -> Cell:
         """To what was looked at last; else the first from the top left."""
         at = self.at(asked, own)
         if at is None:
@@ -139,7 +139,7 @@ class Looking:
         x, y = at
         return min(wanted, key=lambda cell: (abs(cell[1] - y) // asked.lines, abs(cell[0] - x), cell[1], cell[0]))
 
-    def _around(self, cell: Cell, asked: Place, taken: set[Cell]) -> Patch:
+    def _around(self, cell: Cell, asked: Place, taken: set[Cell]) -> GroundPatch:
         """The patch of a fixed grid that holds a cell, cut so that it has none that others have."""
         (x, y), right, bottom = cell, 1, 1
         left, top = x - x % asked.columns, y - y % asked.lines
@@ -151,9 +151,11 @@ class Looking:
             y, bottom = y - 1, bottom + 1
         while y + bottom < top + asked.lines and not any((one, y + bottom) in taken for one in row):
             bottom += 1
-        return Patch(session=asked.session, who=asked.who, island=asked.island, x=x, y=y, columns=right, lines=bottom)
+        return GroundPatch(
+            session=asked.session, who=asked.who, island=asked.island, x=x, y=y, columns=right, lines=bottom
+        )
 
-    def _lend(self, patch: Patch) -> Patch:
+    def _lend(self, patch: GroundPatch) -> GroundPatch:
         known = self._book.rows("SELECT * FROM leases WHERE session = ?", patch.session)
         values = patch.session, patch.who, patch.island, patch.x, patch.y, patch.columns, patch.lines
         if not known or tuple(known[0]) != values:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_mosaic.notes.search.seen_ground import CELL, NUMBERS, SeenGround, is_as_seen, spans
+from gcs_mosaic.notes.search.seen_ground import CELL, NUMBERS, StampedGround, is_as_seen, spans
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
@@ -38,7 +38,9 @@ class ReviewedView:
     level: int
     seconds: float
     who: str
-    stamps: Mapping[tuple[int, int], int] | None = None  # of what its cells showed, as of `SeenGround`; None: not noted
+    stamps: Mapping[tuple[int, int], int] | None = (
+        None  # of what its cells showed, as of `StampedGround`; None: not noted
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +125,7 @@ class Reviews:
             known[x, y] = known.get((x, y), False) or is_known
         return {cell for cell, seconds in sums.items() if known[cell] and seconds >= question.seconds}
 
-    def open_in(self, ground: SeenGround, island: int, level: int) -> Mask:
+    def open_in(self, ground: StampedGround, island: int, level: int) -> Mask:
         """Which cells of an island's ground (lines, columns) nobody has looked at as they are now, at this level or finer."""
         is_open = np.asarray(ground.stamps > 0)
         looks = [

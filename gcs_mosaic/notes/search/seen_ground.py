@@ -29,7 +29,7 @@ Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class SeenGround:
+class StampedGround:
     """Cells from (x, y) on. `stamps` (lines, columns) int64: how many frames cover or touch a cell, and the number of the newest
     of them, as `stamp_of`; 0 where nothing is painted."""
 
@@ -51,7 +51,7 @@ class SeenGround:
         return {(x, y): stamp for x, y in known if (stamp := int(self.stamps[y - self.y, x - self.x]))}
 
 
-NOTHING = SeenGround(0, 0, np.zeros((0, 0), np.int64))
+NOTHING = StampedGround(0, 0, np.zeros((0, 0), np.int64))
 
 
 def is_as_seen(looked: Stamps, now: Stamps) -> Mask:
@@ -70,7 +70,7 @@ def spans(box: Box) -> tuple[range, range]:
 
 def ground_within(
     table: FrameTable, island: int, box: Box, known_at: float = math.inf, most: int = MOST_ASKED
-) -> SeenGround:
+) -> StampedGround:
     """The ground within a canvas box, of those frames that were known at `known_at` (monotonic seconds). Raises Unfit for too
     large a box."""
     columns, lines = spans(box)
@@ -84,7 +84,7 @@ def ground_within(
             window, touched = found
             count[window] += touched
             newest[window] = np.maximum(newest[window], touched * table.frames[index].number)
-    return SeenGround(columns[0], lines[0], count * COUNT + newest)
+    return StampedGround(columns[0], lines[0], count * COUNT + newest)
 
 
 def seen_cells(table: FrameTable, island: int, box: Box, known_at: float = math.inf) -> dict[tuple[int, int], int]:
@@ -116,9 +116,9 @@ class IslandGround:
     """The whole islands of a flight, each kept until another frame is known. For any thread."""
 
     def __init__(self) -> None:
-        self._known: dict[int, tuple[FrameTable, int, SeenGround]] = {}
+        self._known: dict[int, tuple[FrameTable, int, StampedGround]] = {}
 
-    def of(self, table: FrameTable, island: int, known_at: float) -> SeenGround:
+    def of(self, table: FrameTable, island: int, known_at: float) -> StampedGround:
         """As `ground_within`, of the island's whole box."""
         count = int((table.since <= known_at).sum())
         known = self._known.get(island)

@@ -97,7 +97,7 @@ CREATE TABLE reviewed (
     level INTEGER NOT NULL, -- of zoom
     seconds NOT NULL,
     utc NOT NULL, -- last
-    newest INTEGER, -- stamp of the frames there then, as `SeenGround`'s; NULL: looked at before that was noted
+    newest INTEGER, -- stamp of the frames there then, as `StampedGround`'s; NULL: looked at before that was noted
     PRIMARY KEY (island, x, y, reviewer, level)
 ) WITHOUT ROWID;
 CREATE TABLE dismissed (hint TEXT PRIMARY KEY, who TEXT NOT NULL, utc NOT NULL) WITHOUT ROWID;

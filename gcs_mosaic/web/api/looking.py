@@ -10,10 +10,10 @@ from typing import Annotated
 import numpy as np
 from aiohttp import web
 
-from gcs_mosaic.notes.search.looking import LEAST_LOOK_S, LENT_S, MOST_SIDE, Patch, Place
+from gcs_mosaic.notes.search.looking import LEAST_LOOK_S, LENT_S, MOST_SIDE, GroundPatch, Place
 from gcs_mosaic.notes.search.opinions import FindOpinion, Opinion
 from gcs_mosaic.notes.search.reviews import LONGEST_LOOK_S, ReviewedView
-from gcs_mosaic.notes.search.seen_ground import IslandGround, SeenGround
+from gcs_mosaic.notes.search.seen_ground import IslandGround, StampedGround
 from gcs_mosaic.notes.storage.checked import LONGEST_NAME, Who
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL
 from gcs_mosaic.stitch.arrays import Mask
@@ -144,13 +144,13 @@ async def leave(request: web.Request) -> web.StreamResponse:
     return answer(KeptAnswer(kept=False))
 
 
-def _seen(view: FlightView, grounds: IslandGround, island: int) -> tuple[FrameTable, SeenGround]:
+def _seen(view: FlightView, grounds: IslandGround, island: int) -> tuple[FrameTable, StampedGround]:
     """An island's ground that is on the map by now."""
     table = view.table()
     return table, grounds.of(table, island, time.monotonic() - SHOWN_S)
 
 
-def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, ground: SeenGround) -> LookingAnswer:
+def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, ground: StampedGround) -> LookingAnswer:
     finest = max((one.level for one in table.frames if one.island == asked.island), default=FINEST_LEVEL)
     least = max(0, finest - COARSER)
     before = notes.looking.looked(asked.session)
@@ -180,7 +180,7 @@ def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, ground: SeenGro
     )
 
 
-def _counts(notes: Notes, asked: PatchWishBody, patch: Patch | None, least: int) -> bool:
+def _counts(notes: Notes, asked: PatchWishBody, patch: GroundPatch | None, least: int) -> bool:
     """Take in a look, for what the patch showed when it was lent: what was painted since may not have been seen."""
     stamps = notes.looking.noted(asked.session)
     if patch is None or stamps is None or asked.seconds < LEAST_LOOK_S or asked.level < least:
@@ -189,7 +189,7 @@ def _counts(notes: Notes, asked: PatchWishBody, patch: Patch | None, least: int)
     return True
 
 
-def _nearest(ground: SeenGround, is_open: Mask, at: tuple[int, int] | None) -> set[tuple[int, int]]:
+def _nearest(ground: StampedGround, is_open: Mask, at: tuple[int, int] | None) -> set[tuple[int, int]]:
     """The open cells; of very many those of the lines nearest to a cell."""
     lines, columns = np.nonzero(is_open)
     if len(lines) > MOST_NEAR:
@@ -199,5 +199,5 @@ def _nearest(ground: SeenGround, is_open: Mask, at: tuple[int, int] | None) -> s
     return set(zip((columns + ground.x).tolist(), (lines + ground.y).tolist(), strict=True))
 
 
-def _told(patch: Patch) -> LentPatch:
+def _told(patch: GroundPatch) -> LentPatch:
     return LentPatch(who=patch.who, island=patch.island, box=patch.box)

@@ -22,7 +22,7 @@ MOST_CELLS = 800  # px of a crop's side
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LookQuery(PlaceQuery):
+class LookCropQuery(PlaceQuery):
     """A square about a place on an island's canvas."""
 
     side: Annotated[float, Limits(least=0.01, most=1e6), "canvas units"]
@@ -33,12 +33,12 @@ class LookQuery(PlaceQuery):
     "GET",
     f"{ISLAND}/looks/{{frame:[0-9]{{1,9}}}}.jpg",
     Reply("The picture; dark grey where the frame does not see the ground.", Media(("image/jpeg",)), tagged=True),
-    query=LookQuery,
+    query=LookCropQuery,
     failures=NO_PICTURE,
 )
 async def look(request: web.Request) -> web.StreamResponse:
     """What a frame shows of a square of the ground, laid on the map's plane: all frames' in one orientation and scale."""
-    asked, island = asked_query(request, LookQuery), int(request.match_info["island"])
+    asked, island = asked_query(request, LookCropQuery), int(request.match_info["island"])
     frame = int(request.match_info["frame"])
     try:
         data = await in_thread(request, _look, request.app[VIEW], frame, island, asked, pool=SLOW_POOL)
@@ -47,11 +47,11 @@ async def look(request: web.Request) -> web.StreamResponse:
     return tagged(request, data, "image/jpeg")
 
 
-def _look(view: FlightView, frame: int, island: int, asked: LookQuery) -> bytes:
+def _look(view: FlightView, frame: int, island: int, asked: LookCropQuery) -> bytes:
     """A JPEG. Raises NoPicture."""
-    from gcs_mosaic.views.ground_window import GroundWindow, aligned_look  # it loads what decodes
+    from gcs_mosaic.views.ground_window import CanvasWindow, aligned_look  # it loads what decodes
 
-    window = GroundWindow.about(asked.x, asked.y, asked.side, asked.cells)
+    window = CanvasWindow.about(asked.x, asked.y, asked.side, asked.cells)
     done, data = cv2.imencode(".jpg", aligned_look(view, frame, island, window), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     if not done:
         raise NoPicture("This look cannot be encoded.")

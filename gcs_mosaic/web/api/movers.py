@@ -15,7 +15,7 @@ from gcs_mosaic.web.api.frames import ISLAND, TimeBy, When, shown_name
 from gcs_mosaic.web.api.operations import Operations, Reply
 
 if TYPE_CHECKING:
-    from gcs_mosaic.hints.mover_tracks import Seen
+    from gcs_mosaic.hints.mover_tracks import SeenBlob
     from gcs_mosaic.hints.movers import MoverSearch
     from gcs_mosaic.store.records import PositionRecord
     from gcs_mosaic.views.taken import CaptureTime
@@ -91,7 +91,7 @@ def _movers(search: MoverSearch, view: FlightView, island: int) -> MoversAnswer:
     return MoversAnswer(map_revision=found.revision, searched=found.searched, frames=found.frames, movers=movers)
 
 
-def _look(one: Seen, frame: PositionRecord, taken: CaptureTime | None) -> MoverLookAnswer:
+def _look(one: SeenBlob, frame: PositionRecord, taken: CaptureTime | None) -> MoverLookAnswer:
     return MoverLookAnswer(
         frame=one.frame,
         name=shown_name(frame.name),

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_mosaic.notes.search.looking import LENT_S, Cell, Looking, Patch, Place
+from gcs_mosaic.notes.search.looking import LENT_S, Cell, GroundPatch, Looking, Place
 from gcs_mosaic.notes.search.reviews import Question, ReviewedView, Reviews
-from gcs_mosaic.notes.search.seen_ground import COUNT, SeenGround, is_as_seen
+from gcs_mosaic.notes.search.seen_ground import COUNT, StampedGround, is_as_seen
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.render.tile_grid import HALF_SPAN
 
@@ -35,7 +35,7 @@ class Helpers:
         whole = Question(island=0, box=(-HALF_SPAN, -HALF_SPAN, HALF_SPAN, HALF_SPAN), level=15)
         return GROUND - self.reviews.reviewed(whole)
 
-    def ask(self, session: str, columns: int = 4, lines: int = 3, put_off: bool = False) -> Patch | None:
+    def ask(self, session: str, columns: int = 4, lines: int = 3, put_off: bool = False) -> GroundPatch | None:
         place = Place(session=session, who=session, island=0, columns=columns, lines=lines, put_off=put_off)
         return self.looking.next(place, self.open())
 
@@ -132,7 +132,7 @@ def test_somebody_goes_on_where_they_looked_last(book: NotesBook) -> None:
 def test_ground_over_which_something_was_painted_since_is_open_again(book: NotesBook) -> None:
     """By a newer frame, or by an older one that was placed late; not where one was taken away."""
     looked, now = (
-        SeenGround(5, 9, np.array([[COUNT * count + newest for count, newest in cells]]))
+        StampedGround(5, 9, np.array([[COUNT * count + newest for count, newest in cells]]))
         for cells in (((1, 3), (2, 6), (2, 6), (2, 6), (0, 0)), ((1, 3), (2, 7), (3, 6), (1, 6), (1, 2)))
     )
     reviews = Reviews(book)
@@ -153,10 +153,10 @@ def test_of_looks_from_before_frames_were_counted_the_newest_is_known() -> None:
 
 
 def box_of(x: int, y: int, columns: int, lines: int) -> tuple[float, float, float, float]:
-    return Patch(session="", who="", island=0, x=x, y=y, columns=columns, lines=lines).box
+    return GroundPatch(session="", who="", island=0, x=x, y=y, columns=columns, lines=lines).box
 
 
-def replaced(patch: Patch | None, session: str) -> Patch:
+def replaced(patch: GroundPatch | None, session: str) -> GroundPatch:
     assert patch is not None
     x, y, columns, lines = patch.x, patch.y, patch.columns, patch.lines
-    return Patch(session=session, who=session, island=0, x=x, y=y, columns=columns, lines=lines)
+    return GroundPatch(session=session, who=session, island=0, x=x, y=y, columns=columns, lines=lines)
