@@ -37,7 +37,7 @@ VIOLATIONS = f"""axe.run(document, {RULES}).then(({{ violations, passes }}) => {
 SHOWN_TILES = "[...document.querySelectorAll('.leaflet-tile-loaded img')].filter((one) => one.naturalWidth).length"
 FLY, SEARCH, REPORT = (
     ["flight", "islands", "layers", "mission"],
-    ["reviews", "hints", "measure"],
+    ["reviews", "hints", "trees", "measure"],
     ["finds", "anchors", "elsewhere"],
 )
 PANELS = [*FLY, *SEARCH, *REPORT, "look", "detection"]
@@ -325,7 +325,7 @@ def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
     for number, panel in enumerate(PANELS[:9], 1):  # in the order of the buttons
         key(str(number))
         page.wait_for(f"!document.getElementById('{panel}').hidden")
-    key("7")
+    key(str(1 + PANELS.index("measure")))
     page.wait_for("!document.getElementById('measure').hidden")
     key("m")
     someone.sees("hint", "Click where the find is.")

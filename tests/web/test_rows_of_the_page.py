@@ -105,6 +105,7 @@ def test_row_14_times_have_a_date_and_one_format(page: Page, url: str, flight: S
     page.wait_for("document.querySelector('#state b').textContent === 'Flight ended'")
     page.evaluate("document.getElementById('state').click()")
     page.evaluate("document.getElementById('phase-fly').click()")
+    page.wait_for("Number(document.getElementById('flight-slider').max) > 5")
     page.evaluate(
         "(s => { s.value = '5'; s.dispatchEvent(new Event('input')); })(document.getElementById('flight-slider'))"
     )
