@@ -279,9 +279,10 @@ def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(
         someone.press("hints-on")
         page.wait_for("document.querySelectorAll('#hints-list li').length >= 5", 60)
         someone.sees("hints-told", "12 of 12 frames are searched.")
-        page.wait_for(
-            "[...document.querySelectorAll('#hints-list img')].slice(0, 3).every((one) => one.naturalWidth > 0)"
-        )
+        page.evaluate(
+            "document.querySelector('#hints-list li').scrollIntoView()"
+        )  # crops are fetched once they are in view
+        page.wait_for("document.querySelector('#hints-list img').naturalWidth > 0")
         first = "document.querySelector('#hints-list li:first-child')"
         page.evaluate(f"{first}.querySelector('.crop').click()")
         marks = "[...document.querySelectorAll('.hint-mark')].map((one) => one.getBoundingClientRect())"
