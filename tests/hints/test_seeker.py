@@ -278,7 +278,7 @@ def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(
         someone.sees("hints-told", "Hints are off.")
         someone.press("hints-on")
         page.wait_for("document.querySelectorAll('#hints-list li').length >= 5", 60)
-        someone.sees("hints-told", "12 of 12 frames are searched.")
+        page.wait_for("document.getElementById('hints-told').innerText.includes('12 of 12 frames are searched.')", 60)
         page.evaluate(
             "document.querySelector('#hints-list li').scrollIntoView()"
         )  # crops are fetched once they are in view
