@@ -1,6 +1,7 @@
 """How fast the program is on this machine, in one run.
 
-    python -m tests.benchmarks.speed FOLDER [--part stitch live overload growth start ...] [--most 75] [--interval 2] [--keep]
+    python -m tests.benchmarks.speed FOLDER [--part stitch live overload growth start ...] [--most 75] [--interval 2]
+        [--scale 1] [--keep]
 
 FOLDER holds the frames of a flight. Wall time on a machine that may do other things as well, so what counts are ratios to the
 floor of the same run: decoding, one warp of the whole frame and the JPEG encoding of the tiles under its footprint, on one
@@ -51,6 +52,7 @@ class Task:
     interval_s: float
     runs: int
     long: int  # frames of a long flight
+    scale: float  # of the frames that are flown live
 
 
 def main() -> int:
@@ -59,12 +61,13 @@ def main() -> int:
     parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--most", type=int, help="frames; all if not given")
     parser.add_argument("--interval", type=float, default=2.0, metavar="SECONDS")
+    parser.add_argument("--scale", type=float, default=1.0, help="of live: 1, 0.5 or 0.25")
     parser.add_argument("--runs", type=int, default=5, help="starts")
     parser.add_argument("--long", type=int, default=2000, metavar="FRAMES")
     parser.add_argument("--repeats", type=int, default=3, help="of stitch, at each scale")
     parser.add_argument("--keep", action="store_true", help="add what stitch costs to the rows that are compared with")
     given = parser.parse_args()
-    task = Task(pictures_in(given.folder, given.most), given.interval, given.runs, given.long)
+    task = Task(pictures_in(given.folder, given.most), given.interval, given.runs, given.long, given.scale)
     is_slower = "stitch" in given.part and stitch(task, given)
     measures: dict[str, Callable[[Task], Iterator[str]]] = {
         "live": live,
@@ -111,8 +114,8 @@ def stitched(pictures: Sequence[Path], row: Row) -> Row:
 
 def live(task: Task) -> Iterator[str]:
     with TemporaryDirectory() as scratch:
-        flown = fly(task.pictures, task.interval_s, Path(scratch))
-        floor = floor_of(flown.out, Config())
+        flown = fly(task.pictures, task.interval_s, Path(scratch), f"scale: {task.scale:g}\n")
+        floor = floor_of(flown.out, Config(scale=task.scale))
     yield f"{floor_words(floor)}"
     yield f"a frame each {task.interval_s:g} s, whole file to last tile: {quantiles(flown.latencies)}"
     yield from ending(flown)
