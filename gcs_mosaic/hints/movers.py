@@ -20,6 +20,7 @@ from gcs_mosaic.hints.mover_tracks import SeenBlob, tracks_of
 from gcs_mosaic.stitch.arrays import Array, FloatImage, PointsNx2
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of, places_of
 from gcs_mosaic.views.ground_window import CanvasWindow, OnGround, flat_picture, laid
+from gcs_mosaic.views.pictures import NoPicture
 
 logger = logging.getLogger(__name__)
 
@@ -31,6 +32,9 @@ FINEST = 2.0  # pixels of the frame that a cell is wide at least: what is compar
 KEPT_PICTURES = 2 * BESIDE + 2  # of half a megapixel each, float32
 WORK_S = 1.0  # for each question; a frame that was begun is finished
 REST = 20.0  # tracks are linked again after so many times as much as linking them cost of a core: 5 % of it
+RETRY_S = (
+    10.0  # until a frame is tried again that a passing trouble kept from being searched; longer if trying takes long
+)
 KEPT_ISLANDS = 4  # whose tracks are remembered
 
 
@@ -75,6 +79,7 @@ class MoverSearch:
         self._lock = threading.Lock()
         self._found: dict[int, _Found] = {}  # by the number of the frame
         self._searched = 0  # frames, some of them again
+        self._again: dict[int, float] = {}  # when to try them again, in monotonic seconds
         self._flat: OrderedDict[int, FloatImage] = OrderedDict()
         self._telling = threading.Lock()
         self._answers: OrderedDict[int, _Told] = OrderedDict()  # by island
@@ -114,17 +119,32 @@ class MoverSearch:
                 known = self._found.get(number)
                 if known is not None and known.beside == numbers:
                     continue
-                if time.monotonic() >= end:
+                begun = time.monotonic()
+                if begun >= end:
                     return
-                self._found[number] = self._searched_or_nothing(table, index, numbers)
-                self._searched += 1
+                if begun >= self._again.get(number, begun):
+                    self._try(table, index, numbers)
+
+    def _try(self, table: FrameTable, index: int, beside: tuple[int, ...]) -> None:
+        """Search a frame; one that cannot be for now, or not beside those, counts as not searched until it was."""
+        number, begun = table.frames[index].number, time.monotonic()
+        try:
+            self._found[number] = self._searched_or_nothing(table, index, beside)
+        except NoPicture as reason:
+            logger.info("frame %d is searched later for what moves: %s", number, reason)
+            now = time.monotonic()
+            self._again[number] = now + max(RETRY_S, REST * (now - begun))
+        else:
+            self._again.pop(number, None)
+            self._searched += 1
 
     def _searched_or_nothing(self, table: FrameTable, index: int, beside: tuple[int, ...]) -> _Found:
         """A frame that cannot be searched is not tried with each question, and does not keep the others from being searched.
-        Raises UsageError while the flight's ledger cannot be read, which is no fault of the frame."""
+        Raises UsageError while the flight's ledger cannot be read, which is no fault of the frame, and NoPicture for what
+        passes."""
         try:
             return self._search(table, index, beside)
-        except UsageError:
+        except (UsageError, NoPicture):
             raise
         except Exception:
             logger.exception("frame %s cannot be searched for what moves", table.frames[index].number)

@@ -97,10 +97,13 @@ def aligned_look(view: FlightView, number: int, island: int, window: CanvasWindo
 def flat_picture(
     view: FlightView, number: int, lies: OnGround, window: CanvasWindow, around: float
 ) -> FloatImage | None:
-    """A frame (h, w) as `flattened` over so many cells, about as fine as a window's cells; None if it cannot be shown."""
+    """A frame (h, w) as `flattened` over so many cells, about as fine as a window's cells; None if it cannot be shown. Raises
+    NoPicture where that passes."""
     try:
         image = displayed(view, number, reduction_for(view, number, lies.painted, window))
-    except NoPicture:
+    except NoPicture as reason:
+        if reason.passing:
+            raise
         return None
     grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     wide = lies.painted.camera.width * float(np.exp(lies.painted.pose.log_gsd)) / window.cell

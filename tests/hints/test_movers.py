@@ -14,7 +14,9 @@ from gcs_mosaic.hints.mover_tracks import SeenBlob, tracks_of
 from gcs_mosaic.hints.movers import Movers, MoverSearch
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.views import ground_window
 from gcs_mosaic.views.flight_view import FlightView, FrameTable
+from gcs_mosaic.views.pictures import NoPicture
 from tests.views.drawn_flight import Drawn, Things, drawn_flight, laid_at
 
 LOOKS = 7
@@ -80,6 +82,36 @@ def test_an_original_that_is_gone_stops_nothing(tmp_path: Path) -> None:
     view = flight(tmp_path, [laid_at(200.0 + 24 * n, 240.0) for n in range(LOOKS)])
     (view.root / "frames" / "3.png").unlink()
     assert searched(view).searched == LOOKS
+
+
+@pytest.mark.long
+def test_what_a_passing_trouble_kept_from_being_searched_is_searched_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor are those beside it, which would be compared with less than there is; and it is not tried with each question."""
+    view, away, asked = flight(tmp_path, [laid_at(200.0 + 24 * n, 240.0) for n in range(LOOKS)]), {1}, list[int]()
+    shown = ground_window.displayed
+
+    def displayed(of: FlightView, number: int, reduction: int) -> ImageBGR:
+        asked.append(number)
+        if number in away:
+            raise NoPicture("It took too long.", passing=True)
+        return shown(of, number, reduction)
+
+    monkeypatch.setattr(ground_window, "displayed", displayed)
+    search = MoverSearch(view)
+    assert search.ask(0, work_s=60.0).searched == LOOKS - 1 - movers.BESIDE
+    before = list(asked)
+    assert search.ask(0, work_s=60.0).searched == LOOKS - 1 - movers.BESIDE
+    assert asked == before
+    monkeypatch.setattr(movers, "RETRY_S", 0.0)
+    monkeypatch.setattr(movers, "REST", 0.0)
+    search = MoverSearch(view)
+    search.ask(0, work_s=60.0)
+    away.clear()
+    found = search.ask(0, work_s=60.0)
+    assert found.searched == LOOKS
+    assert len(found.tracks) == 1
 
 
 @pytest.mark.long
