@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.notes.search import looking as module
+from gcs_mosaic.notes.search import seen_ground
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -106,6 +107,20 @@ def test_two_tabs_have_no_patch_twice_and_a_closed_one_gives_its_back(page: Page
         time.sleep(0.3)
     assert page.evaluate(TOLD).startswith("All of this part is looked at.")
     assert share(page) == 100
+    assert page.complaints == []
+
+
+def test_an_island_that_is_cut_is_never_all_looked_at(page: Page, url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seen_ground, "MOST_GROUND", 16)
+    someone = Helper(page, url)
+    for _ in range(9):
+        assert "Ground farther out" in page.evaluate(TOLD)
+        if page.evaluate(TOLD).startswith("100 %"):
+            break
+        someone.look()
+        time.sleep(0.3)
+    assert page.evaluate(TOLD).startswith("100 % of what is shared out")
+    assert "All of this part" not in page.evaluate(TOLD)
     assert page.complaints == []
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -31,11 +31,12 @@ Stamps = NDArray[np.int64]
 @dataclass(frozen=True, slots=True)
 class StampedGround:
     """Cells from (x, y) on. `stamps` (lines, columns) int64: how many frames cover or touch a cell, and the number of the newest
-    of them, as `stamp_of`; 0 where nothing is painted."""
+    of them; 0 where nothing is painted. `is_cut`: of a whole island some is painted beyond these cells."""
 
     x: int
     y: int
     stamps: Stamps
+    is_cut: bool = False
 
     @property
     def box(self) -> Box:
@@ -112,6 +113,12 @@ def island_box(table: FrameTable, island: int) -> Box | None:
     return left, top, right, bottom
 
 
+def is_cut_by(table: FrameTable, island: int, box: Box) -> bool:
+    """Whether any frame of an island shows ground beyond a box."""
+    boxes = table.boxes[(table.islands == island) & np.isfinite(table.boxes).all(axis=1)]
+    return bool((boxes[:, :2] < box[:2]).any() or (boxes[:, 2:] > box[2:]).any())
+
+
 class IslandGround:
     """The whole islands of a flight, each kept until another frame is known. For any thread."""
 
@@ -128,6 +135,7 @@ class IslandGround:
         if box is None:  # any number may be asked for: only what there is is kept
             return NOTHING
         made = ground_within(table, island, box, known_at, MOST_GROUND)
+        made = replace(made, is_cut=is_cut_by(table, island, box))
         self._known[island] = table, count, made
         return made
 

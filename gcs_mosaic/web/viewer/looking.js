@@ -111,9 +111,11 @@ export class Looking {
     this.others = answer.others;
     this.show();
     const share = answer.cells ? Math.floor((100 * (answer.cells - answer.left)) / answer.cells) : 0;
-    const told = [isTooShort ? t("Too short to count: look for a second.") : "", t("{share} % of this part is looked at.", { share })];
+    const told = [isTooShort ? t("Too short to count: look for a second.") : "", answer.cut ? t("{share} % of what is shared out is looked at.", { share }) : t("{share} % of this part is looked at.", { share })];
     if (!answer.cells) told.splice(0, 2, t("Nothing of this part is known now."));
-    else if (!answer.patch) told.unshift(answer.left ? t("Others have the rest.") : t("All of this part is looked at."));
+    else if (!answer.patch && answer.left) told.unshift(t("Others have the rest."));
+    else if (!answer.patch && !answer.cut) told.unshift(t("All of this part is looked at."));
+    if (answer.cut) told.push(t("Ground farther out is in no patch: look there by hand."));
     const unit = this.metresPerUnit();
     if (unit && answer.patch) told.push(t("A person is {px} px across.", { px: ((PERSON_M / unit) * this.perUnit()).toFixed(0) }));
     this.told.textContent = told.filter(Boolean).join(" ");

@@ -131,6 +131,7 @@ export default {
   "Go": "Los",
   "Go to": "Gehe zu",
   "Good to (m)": "Genau auf (m)",
+  "Ground farther out is in no patch: look there by hand.": "Boden weiter draußen ist in keinem Stück: dort von Hand ansehen.",
   "Ground seen by fewer frames than": "Boden, den weniger Bilder sahen als",
   "Ground that stays on the screen at full sharpness counts as reviewed, as long as somebody moves the map or the pointer.": "Boden, der in voller Schärfe auf dem Schirm bleibt, zählt als gesichtet, solange jemand Karte oder Zeiger bewegt.",
   "Half of {n} points that were kept out of the fitting are torn apart by less than {half} px, 95 % by less than {most} px": "Von {n} Punkten, die beim Einpassen nicht mitzählten, klafft die Hälfte um weniger als {half} px auseinander, 95 % um weniger als {most} px",
@@ -471,5 +472,6 @@ export default {
   "{share} % of the ground in view was reviewed.": "{share} % des Bodens im Bild sind gesichtet.",
   "{share} % of the ground of this part was reviewed.": "{share} % des Bodens dieses Teils wurde gesichtet.",
   "{share} % of this part is looked at.": "{share} % dieses Teils sind angesehen.",
+  "{share} % of what is shared out is looked at.": "{share} % von dem, was verteilt wird, sind angesehen.",
   "{time} ago": "vor {time}",
 };
