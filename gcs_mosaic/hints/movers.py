@@ -19,8 +19,9 @@ from gcs_mosaic.hints.moved_blobs import AROUND, moved_in
 from gcs_mosaic.hints.mover_tracks import SeenBlob, tracks_of
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Array, FloatImage, PointsNx2
+from gcs_mosaic.views.coverage import Grid
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of, places_of
-from gcs_mosaic.views.ground_window import CanvasWindow, OnGround, flat_picture, laid
+from gcs_mosaic.views.ground_window import OnGround, flat_picture, laid
 from gcs_mosaic.views.pictures import NoPicture
 
 logger = logging.getLogger(__name__)
@@ -186,14 +187,14 @@ class MoverSearch:
         painted = self._view.painted(number)
         return None if painted is None else OnGround(painted)
 
-    def _look(self, of: Picture, lies: OnGround, window: CanvasWindow) -> FloatImage | None:
+    def _look(self, of: Picture, lies: OnGround, window: Grid) -> FloatImage | None:
         flat = self._picture(of, lies, window)
         if flat is None:
             return None
         shown, seen = laid(lies, flat[..., None], window)
         return np.where(seen, shown[..., 0], np.float32(np.nan)) if seen.any() else None
 
-    def _picture(self, of: Picture, lies: OnGround, window: CanvasWindow) -> FloatImage | None:
+    def _picture(self, of: Picture, lies: OnGround, window: Grid) -> FloatImage | None:
         """A frame `flattened`, about as fine as the window's cells; None if its original cannot be shown."""
         if of in self._flat:
             self._flat.move_to_end(of)
@@ -259,10 +260,10 @@ def _series(table: FrameTable, island: int) -> list[list[int]]:
     ]
 
 
-def _window_of(table: FrameTable, index: int) -> CanvasWindow | None:
+def _window_of(table: FrameTable, index: int) -> Grid | None:
     left, top, right, bottom = table.boxes[index].tolist()
     one, longer = table.frames[index], max(right - left, bottom - top)
     if not np.isfinite(longer) or longer <= 0:
         return None
     cell = max(FINEST * float(np.exp(one.pose.log_gsd)), longer / LONGER_SIDE)
-    return CanvasWindow(left, top, cell, max(1, int((right - left) / cell)), max(1, int((bottom - top) / cell)))
+    return Grid(left, top, cell, max(1, int((right - left) / cell)), max(1, int((bottom - top) / cell)))

@@ -50,6 +50,18 @@ def test_ground_beyond_a_frames_reach_is_told_of(flight: MappedFlight, view: Fli
     assert IslandGround().of(view.table(), 0, math.inf).is_cut
 
 
+def test_few_islands_are_kept(flight: MappedFlight, view: FlightView, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that were asked for last: there are as many as there are flights' pieces."""
+    monkeypatch.setattr(module, "KEPT_ISLANDS", 1)
+    table, grounds = view.table(), IslandGround()
+    first = grounds.of(table, 0, math.inf)
+    assert grounds.of(table, 0, math.inf) is first
+    grounds.of(table, 1, math.inf)
+    again = grounds.of(table, 0, math.inf)
+    assert again is not first
+    assert (again.stamps == first.stamps).all()
+
+
 def test_what_a_frame_over_the_horizon_shows_of_the_ground_is_there(flight: MappedFlight, view: FlightView) -> None:
     flight.paint("c.jpg", Pose(0.0, 0.0, pitch=OVER_HORIZON), island=1)
     table = view.table()
