@@ -152,7 +152,7 @@ export class Detection {
     if (answer.seen != null) notes.push(t("On ground that was seen: {share} %.", { share: percent(answer.seen) }));
     const unstated = Math.ceil(100 * (1 - (answer.covered ?? 1)));
     if (unstated) notes.push(t("Of {share} % of that ground nothing is stated, and it is not in these figures.", { share: unstated }));
-    if (answer.person_px != null) notes.push(t("A person is {px} px across.", { px: answer.person_px.toFixed(1) }));
+    if (answer.person_px != null) notes.push(t("A person is {px} px across in an original.", { px: answer.person_px.toFixed(1) }));
     if (answer.frames && !isWhole) notes.push(t("{n} of {all} pictures are measured.", { n: answer.measured, all: answer.frames }));
     byId("detection-said").textContent = notes.filter(Boolean).join(" ");
     this.part.textContent = answer.part == null ? "" : t("{share} % in the part drawn", { share: percent(answer.part) });
