@@ -48,6 +48,7 @@ class TestWhatIsNotKnown:
         }
         assert greys == {"of both": False, "of one": True, "of none": False}
 
+    @pytest.mark.long
     def test_a_wide_map_is_compared_too(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """However few cells a frame has."""
         shares = []
