@@ -14,6 +14,7 @@ import tifffile
 from rich.console import Console
 
 from gcs_mosaic.app.commands.batch import stitch
+from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.multiband_tiff import export_tiff
 from gcs_mosaic.frames.decode import Unreadable
@@ -24,6 +25,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import displayed
 from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
 from tests import thermal
+from tests.notes.written_pins import write_pins
 from tests.sure import sure
 from tests.web.seen_flight import seen_flight
 
@@ -107,7 +109,7 @@ def test_an_original_that_is_gone_leaves_the_others_word(copied: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_export_bears_the_unit(out: Path, tmp_path: Path) -> None:
+def test_the_export_of_the_cameras_own_counts_bears_the_unit(out: Path, tmp_path: Path) -> None:
     said = export_tiff(out, tmp_path / "map.tif", gains=False)
     assert "degrees Celsius = 0.01 x count -273.15" in said
     with tifffile.TiffFile(tmp_path / "map.tif") as file:
@@ -115,6 +117,21 @@ def test_the_export_bears_the_unit(out: Path, tmp_path: Path) -> None:
     assert 'role="unittype">degC<' in text
     assert 'role="scale">0.01<' in text
     assert 'role="offset">-273.15<' in text
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("form", ["tiff", "geotiff"])
+def test_counts_that_gains_have_changed_are_not_called_degrees(
+    copied: Path, tmp_path: Path, form: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_pins(copied, [(0.0, 0.0, 7.0, 44.5), (100.0, 0.0, 7.001, 44.5)])
+    bands = ["--bands"] if form == "geotiff" else []
+    assert main(["export", str(copied), "--format", form, *bands, "--to", str(tmp_path / "map.tif")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "degrees Celsius" not in said
+    assert "--no-gains writes those that the camera tells" in said
+    with tifffile.TiffFile(tmp_path / "map.tif") as file:
+        assert not [tag for tag in file.pages[0].tags.values() if "degC" in str(tag.value)]  # type: ignore[union-attr]
 
 
 def palette(counts: np.ndarray) -> np.ndarray:
