@@ -14,6 +14,8 @@ from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
 from gcs_mosaic.integral.relief_plane import plane_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
 from gcs_mosaic.integral.why_not import nobody_sees, too_few
+from gcs_mosaic.render.counts_range import sample_of
+from gcs_mosaic.render.exposure import is_grey
 from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
@@ -26,7 +28,6 @@ from gcs_mosaic.views.pictures import REDUCTIONS
 # below it; above half of the way to the camera nothing is sought.
 LOWEST, HIGHEST = -0.4, 0.5
 MOST_LOOKS = 100  # in memory: 100 of 400 x 400 px in colour are 200 MB
-GREY = 3.0  # levels between the bands of a grey picture
 RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
@@ -115,18 +116,18 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     left, top, right, bottom = _box(painted, image, window, reduction)
     low, high = np.array([left, top]) * reduction, np.array([right, bottom]) * reduction
     levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
-    is_grey = _is_grey(levels)
     levels = levels * np.asarray(painted.gain, np.float32)
     x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
     pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
     bright = brightening_of(painted, pixels)
     if bright is not None:
         levels = levels * bright
+    one_band = is_grey(painted.display.levels(sample_of(image)))  # of the whole: a window may show tarmac alone
     return GroundLook(
         name=painted.name,
         pose=painted.pose,
         camera=painted.camera,
-        image=np.ascontiguousarray(levels[..., : 1 if is_grey else None], np.float32),
+        image=np.ascontiguousarray(levels[..., : 1 if one_band else None], np.float32),
         relief=plane_of(painted.relief, painted.camera, low, high),
         left=left * reduction,
         top=top * reduction,
@@ -134,11 +135,6 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
         dead=painted.dead,
         still=painted.still,
     )
-
-
-def _is_grey(levels: FloatImage) -> bool:
-    """Whether all bands (h, w, bands) show the same, as a thermal camera's JPEGs do; compression leaves a level or two."""
-    return levels.shape[2] == 3 and all(float(np.abs(levels[..., 0] - levels[..., k]).max()) <= GREY for k in (1, 2))
 
 
 def _box(painted: RenderItem, image: FloatImage | Bands, window: GroundWindow, reduction: float) -> PixelBox:
