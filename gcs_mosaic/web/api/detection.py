@@ -74,6 +74,11 @@ class DetectionAnswer:
     covered: Annotated[
         float | None, "share of the flown area of which something is stated: these figures leave the rest out"
     ] = None
+    leaves_unknown: Annotated[
+        float | None,
+        "share of the ground of which something is stated, but not whether leaves hide it, since no two looks tell: it is taken for "
+        "as open as the rest, or, where nothing is known of the rest, for open",
+    ] = None
     frames: int
     measured: Annotated[int, "of the frames: the others count for nothing yet"]
     person_px: Annotated[float | None, "side of a square of the person's area in a usual original"]
@@ -227,6 +232,7 @@ def _answer(request: web.Request, asked: Sought) -> DetectionAnswer:
         told,
         trouble="".join(found.troubles[:1]),
         covered=found.covered,
+        leaves_unknown=found.leaves_unknown,
         flown=found.within(found.flown),
         seen=found.within(found.is_seen & found.flown),
         part=None if asked.outline is None else found.within(found.cells_in(asked.outline)),
