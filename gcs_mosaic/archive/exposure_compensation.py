@@ -21,7 +21,7 @@ from gcs_mosaic.render.levels import FINER
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.repaint_queue import PaintSettings
 from gcs_mosaic.render.tile_grid import level_among
-from gcs_mosaic.render.vignetting import Vignetting, VignettingEstimate, VignettingSettings
+from gcs_mosaic.render.vignetting import FLAT, Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.render.warp_grid import resolved
 from gcs_mosaic.stitch.arrays import Levels
 from gcs_mosaic.stitch.camera.geometry import reduced_view
@@ -125,6 +125,7 @@ def overlaps_of(artefacts: Artefacts, book: str, first: int, stop: int) -> Parts
         "summary": len(found),
         "frames": frames,
         "aircraft": [placements_of(artefacts, one.placements)[one.place].aircraft for one in some],
+        "palettes": [is_false_colour(_thumbnail(artefacts, one)) for one in some],
         "distances": [resolved(one.pose, one.camera) for one in frames],
         "overlaps": found,
     }
@@ -160,7 +161,10 @@ def looks(artefacts: Artefacts, overlaps: str, exposure: ExposureSettings, vigne
     distances: list[float | None] = [one for key in keys for one in artefacts.part(key, "distances")]
     aircraft = [one for key in keys for one in artefacts.part(key, "aircraft")]
     whose = dict(zip((one.name for one in frames), aircraft, strict=True))
-    curves = curves_of(whose, frames, found, vignetting)
+    palettes = [one for key in keys for one in artefacts.part(key, "palettes")]
+    curves = curves_of(whose, frames, found, vignetting) | {
+        one.name: FLAT for one, is_palette in zip(frames, palettes, strict=True) if is_palette
+    }
     agreed = agreed_looks(frames, found, curves, exposure, whose)
     levels = dict(zip(curves, levels_of(frames, distances), strict=True))
     parts = {

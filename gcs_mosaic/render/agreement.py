@@ -79,21 +79,22 @@ def agreed_looks(
         kinds.setdefault(painted.display.kind, []).append(painted)
     looks: dict[str, Look] = {}
     for alike in kinds.values():
-        gains = agreed_gains(alike, overlaps, curves, settings, aircraft)
+        gains = _agreed_gains(alike, overlaps, curves, settings, aircraft)
         looks |= _lit([replace(one, gain=gains[one.name], vignetting=curves[one.name]) for one in alike], overlaps)
     return {name: (bounded(np.log(np.array(gain)), settings), light) for name, (gain, light) in looks.items()}
 
 
-def agreed_gains(
+def _agreed_gains(
     frames: Sequence[RenderItem],
     overlaps: Sequence[Overlap],
     curves: Mapping[str, Vignetting],
     settings: ExposureSettings,
     aircraft: Mapping[str, Aircraft],
 ) -> dict[str, Gain]:
-    """The gain of each frame of one kind, beside those that the same camera took in close succession."""
+    """The gain of each frame of one kind, beside those that the same camera took in close succession: in an archive the frames
+    of one aircraft may come all together, so its own frames between two are counted as well."""
     names = {painted.name: number for number, painted in enumerate(frames)}
-    streams, turns = len({aircraft[name] for name in names}), _turns(frames, aircraft)
+    streams, turns = len(set(aircraft.values())), _turns(frames, aircraft)
     seen: list[Observation] = [
         (names[i], names[j], means.flattened(curves[i], curves[j]))
         for i, j, means in overlaps

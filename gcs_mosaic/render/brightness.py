@@ -29,7 +29,7 @@ CountOverlap = tuple[str, str, CountsInOverlap]  # frame i, frame j, what they h
 
 
 class Brightness(Kept):
-    """Thumbnails of all painted frames; their overlaps determine gains and vignetting.
+    """Thumbnails of all painted frames; their overlaps determine gains, vignetting and light fields.
 
     `dead_of`: the known dead border of a camera's frames.
     """

@@ -2,8 +2,9 @@
 
 A frame is compared with those taken just before and after it, over the ground that they share: how much brighter or darker it is
 than all of them together. What reverts within a few frames (steps of automatic exposure, a white balance that flips) is the
-camera, and goes; what lasts longer (shade, haze, another heading towards the sun, an exposure that follows the ground) stays as
-it was photographed, and `light_field` blends it over the ground that frames share. Nothing adds up along a chain of frames, as
+camera, and goes as far as it is clearly more than what light does (`unnoticed`); what is less, or lasts longer (shade, haze,
+another heading towards the sun, an exposure that follows the ground), stays as it was photographed, and `light_field` blends it
+over the ground that frames share. Nothing adds up along a chain of frames, as
 it does where gains make all overlaps agree (M. Brown and D. Lowe, "Automatic Panoramic Image Stitching using Invariant
 Features", IJCV 74(1), 2007, section 6). Each channel has its own gain because automatic white balance changes them separately.
 """
@@ -62,7 +63,8 @@ class ExposureSettings:
 
 @dataclass(frozen=True, slots=True)
 class OverlapMeans:
-    """Mean levels of each band over the overlap of two frames, its size in thumbnail pixels, and its sums for vignetting."""
+    """Mean levels of each band over the overlap of two frames, its size in thumbnail pixels, its sums for
+    vignetting, and what the frames' light fields follow from."""
 
     mean_i: Gain
     mean_j: Gain
@@ -71,7 +73,7 @@ class OverlapMeans:
     light: LightOverlap | None = None
 
     def without_sums(self) -> OverlapMeans:
-        """The same without what only the estimate of vignetting needs, once: there are a dozen overlaps to a frame."""
+        """The same without what only the estimate of vignetting needs, once: a frame has ten overlaps."""
         return replace(self, radial=replace(self.radial, products=(), wanted=()))
 
     def flattened(self, of_i: Vignetting, of_j: Vignetting) -> OverlapMeans:

@@ -1,8 +1,8 @@
-"""Things that stand up, or move, are shown by one frame each, not assembled of two.
+"""Things that stand up are shown by one frame each, not assembled of two.
 
 Where two frames differ much, something is seen at another place, or at one only: a thing at its foot's place and where its height
 shifts it to, in either frame. All such cells that touch make one thing, with what they enclose; it goes to the frame that sees it
-better all in all, if one may show all of it. What is nearly as large as a tile, as woods are, or as small as a person
+better all in all, if one may show nearly all of it. What is nearly as large as a tile, as woods are, or as small as a person
 who walks, stays as the seam's path has it.
 
 A cell's owner depends on cells within `LARGEST` + `ROUND` of it, so it is independent of how much of the map is processed.

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -26,8 +27,11 @@ MIDDLE = np.array([[0.5, 0.5]], np.float32)
 Light = Callable[[int], Sequence[float]]  # log brightness of each band of a frame
 
 
-def flown(count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0) -> list[RenderItem]:
-    """A leg over textured ground, as it is painted in the end. shading: log brightness from a frame's back to its front."""
+def in_flight(
+    count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0
+) -> tuple[Brightness, list[RenderItem]]:
+    """A leg over textured ground, each frame as it is painted at first. shading: log brightness from a frame's back to its
+    front."""
     ground = np.random.default_rng(4).normal(90, 12, (LENS.height, LENS.width + STEP * count, 1)).clip(40, 140)
     known = Brightness(settings or ExposureSettings(), VignettingSettings(sigma=1e-6), lambda camera: NO_BORDER)
     there: list[RenderItem] = []
@@ -35,6 +39,12 @@ def flown(count: int, light: Light, settings: ExposureSettings | None = None, sh
         across = np.linspace(-shading / 2, shading / 2, LENS.width)[None, :, None]
         small: Levels = (ground[:, order * STEP :][:, : LENS.width] * np.exp(light(order) + across)).astype(np.float32)
         there.append(known.settled(painted(order, order * STEP, camera=LENS), small, there[-4:]))
+    return known, there
+
+
+def flown(count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0) -> list[RenderItem]:
+    """The same leg as it is painted in the end."""
+    known, there = in_flight(count, light, settings, shading)
     looks = known.final({one.name: one for one in there})
     final = ((one, *looks[one.name]) for one in there)
     return [replace(one, gain=gain, vignetting=curves, light=light) for one, gain, curves, light in final]
@@ -80,12 +90,56 @@ def test_shading_across_frames_does_not_add_up() -> None:
     assert max(np.abs(made(one)).max() for one in leg) < 0.1
 
 
+@pytest.mark.parametrize(
+    ("light", "shading", "most"),
+    [
+        (lambda order: [0.1 * np.sin(7.0 * order * order)] * 3, 0.0, 0.3),  # each frame another exposure
+        (lambda order: [0.0] * 3, 0.3, 0.2),  # all overlaps pull one way: 200 of them would come to 15
+        (lambda order: [0.5 * (order % 20 in (10, 11))] * 3, 0.0, 0.5),  # as far as the exposure itself went
+        (lambda order: [0.5 * (order >= 100)] * 3, 0.0, 0.5),  # what lasts stays as it was taken
+    ],
+    ids=["noise", "shading", "steps that revert", "a step that lasts"],
+)
+def test_in_flight_nothing_adds_up_and_steps_are_less_than_taken(light: Light, shading: float, most: float) -> None:
+    _, leg = in_flight(200, light, shading=shading)
+    spots = np.array([[x, 0.5] for x in (0.2, 0.5, 0.8)], np.float32)
+    off = [float(np.abs(made(one, spots)).max()) for one in leg]
+    assert max(off) < most
+    assert max(off[150:]) < max(*off[10:60], 0.01) * 1.1  # no more than at the start of the leg
+    shown, taken = steps_between(leg, light, shading)
+    assert np.mean(shown) < 0.5 * np.mean(taken)
+    assert max(shown) < 0.5 * max(taken)
+
+
+def steps_between(leg: Sequence[RenderItem], light: Light, shading: float) -> tuple[list[float], list[float]]:
+    """In the middle of the ground that two frames in turn share: the step as it is shown, and as it was taken."""
+    here = np.array([[0.5 + STEP / LENS.width / 2, 0.5]], np.float32)
+    there = here - np.array([STEP / LENS.width, 0], np.float32)
+    taken = [light(k)[0] - light(k + 1)[0] + shading * STEP / LENS.width for k in range(len(leg) - 1)]
+    made_by = [made(one, here)[0, 0] - made(other, there)[0, 0] for one, other in pairwise(leg)]
+    return [abs(one + by) for one, by in zip(taken, made_by, strict=True)], [abs(one) for one in taken]
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e3])
+def test_gains_stay_within_their_bounds_in_the_end(ratio: float) -> None:
+    settings = ExposureSettings()
+    leg = flown(6, lambda order: [np.log(ratio) / 6 * (order == 3)] * 3)
+    assert (
+        settings.least_gain
+        <= min(min(one.gain) for one in leg)
+        <= max(max(one.gain) for one in leg)
+        <= settings.most_gain
+    )
+
+
 def test_a_cloud_shadow_is_blended_and_not_chased() -> None:
     leg = flown(30, lambda order: [-0.5 if order >= 15 else 0.0] * 3)
     away = [np.abs(made(one)).max() for k, one in enumerate(leg) if abs(k - 15) > 8]
     assert max(away) < 0.1
     shown = [float(made(one)[0, 0]) - (0.5 if k >= 15 else 0.0) for k, one in enumerate(leg)]
     assert np.abs(np.diff(shown)).max() < 0.2  # at once it were 0.5
+    at_seams, _ = steps_between(leg, lambda order: [-0.5 * (order >= 15)], 0.0)
+    assert max(at_seams) < 0.1
 
 
 def test_no_map_is_brighter_than_its_photographs() -> None:
