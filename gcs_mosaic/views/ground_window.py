@@ -83,7 +83,7 @@ def aligned_look(view: FlightView, number: int, island: int, window: CanvasWindo
     try:
         lies = on_ground(view, number)
     except UsageError as error:
-        raise NoPicture("There is no flight here yet.") from error
+        raise NoPicture("There is no flight here yet.", passing=True) from error
     if lies is None or lies.painted.island != island:
         raise NoPicture("This frame does not lie there.")
     image = displayed(view, number, reduction_for(view, number, lies.painted, window))
