@@ -36,7 +36,8 @@ SOME_GREY = "Pictures of one band state nothing: how a person stands out in them
 class DetectionMap:
     """Of an island at a revision of the map. `probability` (rows, columns): NaN where no frame states anything, 0 in gaps;
     `flown`: cells that were seen or are gaps, `is_seen`: of those that a frame which states something saw, `leaves_known`: of
-    those that two looks tell whether leaves hide, others are taken for as open as they are, or for open; `measured` of `frames`; `is_grey`: all measured ones have one band; `troubles`: of frames that state nothing, each once."""
+    those that two looks tell whether leaves hide (others are taken for as open as they are, or for open); `measured` of
+    `frames`; `is_grey`: all measured ones have one band; `troubles`: of frames that state nothing, each once."""
 
     revision: int
     grid: Grid
@@ -140,6 +141,7 @@ def detection_map(
     bare = _gap_cells(grid, gaps) & ~seen
     probability[bare] = 0.0
     grey = [found.ground.is_grey for found in known if found.ground is not None]
+    troubles = {found.trouble for found in known} | {measured.put_off(table.frames[index]) for index in ours}
     return DetectionMap(
         revision=table.revision,
         grid=grid,
@@ -150,7 +152,7 @@ def detection_map(
         frames=len(ours),
         measured=len(known),
         is_grey=bool(grey) and all(grey),
-        troubles=sorted({found.trouble for found in known if found.trouble} | ({SOME_GREY} if any(grey) else set())),
+        troubles=sorted((troubles - {""}) | ({SOME_GREY} if any(grey) else set())),
     )
 
 

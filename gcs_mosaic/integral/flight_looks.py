@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -30,37 +31,46 @@ LOWEST, HIGHEST = -0.4, 0.5
 MOST_LOOKS = 100  # in memory: 100 of 400 x 400 px in colour are 200 MB
 RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 
+Some = TypeVar("Some")
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
 
 
 @dataclass(frozen=True, slots=True)
 class FlightLooks:
-    """Looks in order of arrival. `lost`: frames that saw the window, but whose originals cannot be read; `left_out`: of more than
-    wanted."""
+    """Looks in order of arrival, at a revision of the map. `lost`: frames that saw the window, but whose originals cannot be
+    read; `left_out`: of more than wanted."""
 
+    revision: int
     looks: Sequence[GroundLook]
     lost: Sequence[str]
     left_out: int
 
 
 def looks_at(view: FlightView, island: int, window: GroundWindow, most: int = MOST_LOOKS) -> FlightLooks:
-    """All painted frames that see a window's middle, on the ground. Raises UsageError where no two of them can be read."""
+    """All painted frames that see a window's middle, on the ground; of more than wanted those evenly spaced in order of arrival.
+    Raises UsageError where no two of them can be read."""
     table = view.table()
     point = (window.x, window.y, window.x, window.y)
     near = [table.frames[index].number for index in table.near(island, point)]
     painted = [(number, one) for number in near if (one := view.painted(number)) is not None and _sees(one, window)]
     if not painted:
         raise UsageError(nobody_sees(island, window.x, window.y))
-    step = -(-len(painted) // most)
     looks, lost = list[GroundLook](), list[str]()
-    for number, one in painted[::step]:
+    for number, one in spread(painted, most):
         look = _look(view, number, one, window)
         lost.append(one.name) if look is None else looks.append(look)
     if len({one.image.shape[2] for one in looks}) > 1:
         looks = [_as_grey(one) for one in looks]
     if len(looks) < 2:
         raise UsageError(too_few(len(painted), lost))
-    return FlightLooks(looks, lost, len(painted) - len(painted[::step]))
+    return FlightLooks(table.revision, looks, lost, max(0, len(painted) - most))
+
+
+def spread(some: Sequence[Some], most: int) -> list[Some]:
+    """All, or so many of them, as evenly spaced as can be, from the first to the last."""
+    if len(some) <= most:
+        return list(some)
+    return [some[at] for at in np.linspace(0, len(some) - 1, most).round().astype(int).tolist()]
 
 
 def _as_grey(look: GroundLook) -> GroundLook:

@@ -63,11 +63,13 @@ def test_ground_whose_leaves_no_two_looks_tell_is_told_by_its_share(tmp_path: Pa
     """Over a closed canopy without overlap the probability is that of open ground."""
     none = told(tmp_path / "none", STATED)
     assert none.leaves_unknown == 1.0
-    one = told(tmp_path / "one", COMPARED, STATED)
-    assert one.leaves_known.sum() == pytest.approx(0.05 * one.flown.sum(), rel=0.9)
-    assert one.leaves_unknown == pytest.approx(1 - (one.leaves_known & one.is_seen & one.flown).sum() / one.flown.sum())
-    assert told(tmp_path / "all", COMPARED, COMPARED).leaves_unknown < 0.01
-    assert {area.leaves_unknown for area in areas(none)} == {1.0}
+    one, alone = told(tmp_path / "one", COMPARED), told(tmp_path / "alone", COMPARED, None)
+    assert (one.leaves_known == alone.is_seen).all()
+    stated = one.flown & np.isfinite(one.probability) & one.is_seen  # gaps have no leaves to be known
+    assert one.leaves_unknown == pytest.approx(1 - (alone.is_seen & stated).sum() / stated.sum())
+    assert 0.5 < one.leaves_unknown < 1.0
+    assert told(tmp_path / "all", COMPARED, COMPARED).leaves_unknown == 0.0
+    assert {area.leaves_unknown for area in areas(none) if area.mean > 0} == {1.0}  # the others are gaps
 
 
 def test_grey_pictures_beside_coloured_ones_state_nothing(tmp_path: Path) -> None:
