@@ -132,8 +132,10 @@ class MeasuredFrames:
     def _measured(self, frame: PositionRecord) -> MeasuredFrame:
         """Raises NoPicture and UsageError."""
         record, painted = self._view.frame(frame.number), self._view.painted(frame.number)
-        if record is None or painted is None or not record.width:
+        if record is None or painted is None:
             raise NoPicture("It is not on the map any more.", passing=True)  # nor in the next table
+        if not record.width:
+            raise NoPicture(f"The original of {record.name} is not kept.")
         per_painted = record.width / painted.camera.width
         side_px = self._side / np.exp(painted.pose.log_gsd) * per_painted
         scale = analysed_scale(record.width, record.height or 0, side_px)

@@ -10,15 +10,14 @@ import pytest
 
 from gcs_mosaic.stitch.arrays import FloatImage
 from gcs_mosaic.views.coverage import Grid
-from gcs_mosaic.views.ground_window import CanvasWindow
 from gcs_mosaic.views.layers import CELLS, _greatest
 
 
-def window(columns: int, rows: int) -> CanvasWindow:
-    return CanvasWindow(left=-30.0, top=20.0, cell=2.0, columns=columns, rows=rows)
+def window(columns: int, rows: int) -> Grid:
+    return Grid(left=-30.0, top=20.0, cell=2.0, columns=columns, rows=rows)
 
 
-def dilated(strength: FloatImage, over: CanvasWindow, grid: Grid) -> FloatImage:
+def dilated(strength: FloatImage, over: Grid, grid: Grid) -> FloatImage:
     """The same by a kernel as large as a cell of the grid."""
     reach = max(1, round(grid.cell / over.cell)) | 1
     part = cv2.dilate(np.abs(strength), np.ones((reach, reach), np.uint8))

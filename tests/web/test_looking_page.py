@@ -5,10 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
+from typing import Any
 
 import pytest
 
 from gcs_mosaic.notes.search import looking as module
+from gcs_mosaic.notes.search import seen_ground
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
@@ -16,6 +19,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.views import flight_view
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import looking as looking_api
+from gcs_mosaic.web.api.looking import LookingAnswer
 from gcs_mosaic.web.server import WebServer
 from tests.factories import frame
 from tests.web.browser import CHROMIUM, Page
@@ -25,6 +29,8 @@ from tests.web.test_notes_api import Writer
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
 TOLD = "document.getElementById('looking-told').textContent"
+VIEW = "['map-pane', 'tile-container'].map((part) => document.querySelector(`.leaflet-${part}`).style.transform).join()"
+LINES = "document.querySelectorAll('.leaflet-overlay-pane path').length"
 BEGIN = "document.getElementById('looking-begin').click()"
 
 
@@ -109,6 +115,20 @@ def test_two_tabs_have_no_patch_twice_and_a_closed_one_gives_its_back(page: Page
     assert page.complaints == []
 
 
+def test_an_island_that_is_cut_is_never_all_looked_at(page: Page, url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(seen_ground, "MOST_GROUND", 16)
+    someone = Helper(page, url)
+    for _ in range(9):
+        assert "Ground farther out" in page.evaluate(TOLD)
+        if page.evaluate(TOLD).startswith("100 %"):
+            break
+        someone.look()
+        time.sleep(0.3)
+    assert page.evaluate(TOLD).startswith("100 % of what is shared out")
+    assert "All of this part" not in page.evaluate(TOLD)
+    assert page.complaints == []
+
+
 def test_who_does_not_look_is_not_counted(page: Page, url: str) -> None:
     """Too soon, a panel open, nobody there."""
     someone = Helper(page, url)
@@ -125,6 +145,49 @@ def test_who_does_not_look_is_not_counted(page: Page, url: str) -> None:
     someone.look()
     page.wait_for(f"!{TOLD}.includes(' 0 %') && !{TOLD}.startsWith('0 %')")
     assert share(page) > 0
+
+
+def test_who_reads_the_state_of_the_flight_does_not_look(page: Page, url: str) -> None:
+    """Which lies over the map; it is closed when somebody begins to look."""
+    someone = Helper(page, url)
+    page.evaluate("document.getElementById('state').click()")
+    someone.look()
+    page.evaluate("document.getElementById('state').click()")
+    page.evaluate("document.getElementById('looking-next').click()")
+    time.sleep(0.5)
+    assert share(page) == 0
+    page.evaluate("document.getElementById('looking-end').click()")
+    page.evaluate("document.getElementById('state').click()")
+    page.evaluate(BEGIN)
+    assert page.evaluate("document.getElementById('sheet').hidden")
+
+
+def test_what_is_answered_after_the_end_is_given_back(page: Page, url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And moves no map that somebody uses again."""
+    Helper(page, url)
+    page.evaluate("document.getElementById('looking-end').click()")
+    end = time.monotonic() + 5
+    while boxes(url):
+        assert time.monotonic() < end, "a patch is not given back"
+    original, asked = looking_api._next, Event()
+
+    def late(*arguments: Any) -> LookingAnswer:
+        asked.set()
+        time.sleep(1.0)
+        return original(*arguments)
+
+    monkeypatch.setattr(looking_api, "_next", late)
+    page.evaluate(BEGIN)
+    assert asked.wait(5)
+    page.evaluate("document.getElementById('looking-end').click()")
+    page.evaluate("document.querySelector('.leaflet-control-zoom-out').click()")
+    time.sleep(0.5)
+    before = page.evaluate(VIEW), page.evaluate(LINES)
+    time.sleep(1.5)
+    monkeypatch.setattr(looking_api, "_next", original)
+    assert (page.evaluate(VIEW), page.evaluate(LINES)) == before
+    assert boxes(url) == []
+    assert page.complaints == []
 
 
 def test_who_has_zoomed_out_does_not_look(page: Page, url: str) -> None:

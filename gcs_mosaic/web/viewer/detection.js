@@ -155,7 +155,7 @@ export class Detection {
     const unknown = answer.leaves_unknown ?? 0;
     if (unknown === 1) notes.push(t("Whether leaves hide the ground is not known, for no two looks tell: these figures are of open ground."));
     else if (unknown) notes.push(t("On {share} % of it no two looks tell whether leaves hide the ground: it is taken for as open as the rest.", { share: Math.ceil(100 * unknown) }));
-    if (answer.person_px != null) notes.push(t("A person is {px} px across.", { px: answer.person_px.toFixed(1) }));
+    if (answer.person_px != null) notes.push(t("A person is {px} px across in an original.", { px: answer.person_px.toFixed(1) }));
     if (answer.frames && !isWhole) notes.push(t("{n} of {all} pictures are measured.", { n: answer.measured, all: answer.frames }));
     byId("detection-said").textContent = notes.filter(Boolean).join(" ");
     this.part.textContent = answer.part == null ? "" : t("{share} % in the part drawn", { share: percent(answer.part) });
