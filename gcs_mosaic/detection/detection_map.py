@@ -35,7 +35,8 @@ SOME_GREY = "Pictures of one band state nothing: how a person stands out in them
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionMap:
     """Of an island at a revision of the map. `probability` (rows, columns): NaN where no frame states anything, 0 in gaps;
-    `flown`: cells that were seen or are gaps, `is_seen`: of those that a frame which states something saw; `measured` of
+    `flown`: cells that were seen or are gaps, `is_seen`: of those that a frame which states something saw, `leaves_known`: of
+    those that two looks tell whether leaves hide (others are taken for as open as they are, or for open); `measured` of
     `frames`; `is_grey`: all measured ones have one band; `troubles`: of frames that state nothing, each once."""
 
     revision: int
@@ -43,6 +44,7 @@ class DetectionMap:
     probability: Array
     flown: Mask
     is_seen: Mask
+    leaves_known: Mask
     frames: int
     measured: int
     is_grey: bool
@@ -57,6 +59,16 @@ class DetectionMap:
     def covered(self) -> float:
         """Share of the flown area of which something is stated."""
         return float(np.isfinite(self.probability[self.flown]).mean()) if self.flown.any() else 0.0
+
+    @property
+    def leaves_unknown(self) -> float:
+        """Share of the ground of which something is stated, but not whether leaves hide it."""
+        return self.leaves_unknown_in(self.flown)
+
+    def leaves_unknown_in(self, cells: Mask) -> float:
+        """As `leaves_unknown`, of some cells; 0 where nothing is stated."""
+        stated = cells & self.is_seen & np.isfinite(self.probability)
+        return float((~self.leaves_known[stated]).mean()) if stated.any() else 0.0
 
     def below(self, least: float) -> Mask:
         """Cells of the flown area where it is less, or nothing is stated."""
@@ -94,7 +106,7 @@ class _Looks:
     def probability(self, fitted: Coefficients) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
             is_open = self.open / self.opens
-        usual = float(np.nanmedian(is_open)) if np.isfinite(is_open).any() else 1.0
+        usual = float(np.nanmedian(is_open)) if np.isfinite(is_open).any() else 1.0  # as `leaves_known` tells
         is_open = np.where(np.isfinite(is_open), is_open, usual)
         directions = np.unpackbits(self.directions.view(np.uint8).reshape(*self.directions.shape, 8), axis=-1).sum(-1)
         found = together(self.best, self.missed, fitted) * through_leaves(is_open, directions, fitted)
@@ -129,16 +141,18 @@ def detection_map(
     bare = _gap_cells(grid, gaps) & ~seen
     probability[bare] = 0.0
     grey = [found.ground.is_grey for found in known if found.ground is not None]
+    troubles = {found.trouble for found in known} | {measured.put_off(table.frames[index]) for index in ours}
     return DetectionMap(
         revision=table.revision,
         grid=grid,
         probability=probability,
         flown=(seen & (looks.is_seen | unstated)) | bare,  # not the rim of cells whose middles no frame saw
         is_seen=looks.is_seen,
+        leaves_known=looks.opens > 0,
         frames=len(ours),
         measured=len(known),
         is_grey=bool(grey) and all(grey),
-        troubles=sorted({found.trouble for found in known if found.trouble} | ({SOME_GREY} if any(grey) else set())),
+        troubles=sorted((troubles - {""}) | ({SOME_GREY} if any(grey) else set())),
     )
 
 
