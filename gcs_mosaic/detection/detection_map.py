@@ -122,7 +122,7 @@ def detection_map(
     person: Person,
     side: float,
 ) -> DetectionMap:
-    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person, units."""
+    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person."""
     table = view.table()
     grid = _coarse(whole.grid, footprint_of(table.boxes[table.islands == island]))
     looks = _Looks((grid.rows, grid.columns))

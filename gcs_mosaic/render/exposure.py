@@ -171,7 +171,7 @@ def is_grey(some: Levels) -> bool:
     """Whether a sample of a picture (h, w, bands) in grey levels is of one band, or of three that show the same, as those of a
     thermal camera's JPEGs do."""
     if some.shape[2] != 3:
-        return some.shape[2] == 1
+        return bool(some.shape[2] == 1)
     apart = some.max(axis=2).astype(np.float32) - some.min(axis=2)
     return bool(np.quantile(apart, GREY_SHARE) <= GREY_LEVELS)
 
