@@ -69,15 +69,23 @@ def write_integral(flight: Path, target: Path, wish: IntegralWish) -> str:
     tags = () if laid is None or laid.anchor is None else earth_tags(lens.window, laid.anchor)
     with whole_file(target) as path:
         _write(path, lens, heights, pages, wish.form, tags)
+    flying_m = None if wish.flown_m is None else above_map(wish.flown_m, heights, is_sought=focus is not None)
     said = [
-        *_said(lens, heights, apertures, wish),
+        *_said(heights, apertures, flying_m),
         *_of_focus(focus),
-        *_hints(lens, heights, wish, focus),
+        *_hints(lens, heights, wish, focus, flying_m),
         *_left_out(lens),
     ]
     where = "" if tags else "; without an anchor it has no coordinates on earth"
     size = f"{lens.window.cells} x {lens.window.cells} pixels of {lens.window.cell:.3g} canvas units"
     return "\n".join([*said, f"written to {target}, {size}{where}"])
+
+
+def above_map(flown_m: float, heights: Sequence[float], *, is_sought: bool) -> float:
+    """Metres from the map's ground to the cameras, of which heights are shares, by those flown above the ground beneath: that is
+    where it was sought, else the lowest height asked for, but not above the map's."""
+    ground = heights[0] if is_sought else min(0.0, *heights)
+    return flown_m / (1 - ground)
 
 
 def earth_tags(window: GroundWindow, anchor: Anchor) -> Sequence[tuple[Any, ...]]:
@@ -139,13 +147,11 @@ def _write(
             )
 
 
-def _said(
-    lens: GroundLens, heights: Sequence[float], apertures: Sequence[SyntheticAperture], wish: IntegralWish
-) -> Iterator[str]:
+def _said(heights: Sequence[float], apertures: Sequence[SyntheticAperture], flying_m: float | None) -> Iterator[str]:
     for height, aperture in zip(heights, apertures, strict=True):
         yield (
             f"{aperture.looks} looks, {aperture.spread_deg:.0f} degrees between the outermost, "
-            f"{aperture.width / aperture.height:.2f} flying heights apart; in focus {_height_words(height, wish.flown_m)} "
+            f"{aperture.width / aperture.height:.2f} flying heights apart; in focus {_height_words(height, flying_m)} "
             f"the map's ground"
         )
 
@@ -158,15 +164,17 @@ def _of_focus(focus: Focus | None) -> Iterator[str]:
         yield f"where the ground lies is not known here, for the looks agree {where}: try several by --height"
 
 
-def _hints(lens: GroundLens, heights: Sequence[float], wish: IntegralWish, focus: Focus | None) -> Iterator[str]:
+def _hints(
+    lens: GroundLens, heights: Sequence[float], wish: IntegralWish, focus: Focus | None, flying_m: float | None
+) -> Iterator[str]:
     if not wish.hints:
         return
-    unit_m = None if wish.flown_m is None else wish.flown_m / lens.flying_height
+    unit_m = None if flying_m is None else flying_m / lens.flying_height
     reach = UNKNOWN_REACH if focus is not None and not focus.known else 1
     every = [one for height in heights for one in found_in(lens, height, wish.opened, wish.hints, unit_m, reach)]
     for one in over_heights(every, HINT_REACH * lens.window.cell)[: wish.hints]:
         yield (
-            f"hint at {one.x:.0f},{one.y:.0f}, {one.score:.1f} deviations, {_height_words(one.height, wish.flown_m)} "
+            f"hint at {one.x:.0f},{one.y:.0f}, {one.score:.1f} deviations, {_height_words(one.height, flying_m)} "
             "the map's ground"
         )
 
@@ -178,7 +186,7 @@ def _left_out(lens: GroundLens) -> Iterator[str]:
         yield f"left out: {lens.left_out} frames, as more looks are not kept in memory"
 
 
-def _height_words(share: float, flown_m: float | None) -> str:
+def _height_words(share: float, flying_m: float | None) -> str:
     where = "above" if share >= 0 else "below"
-    metres = "" if flown_m is None else f" ({abs(share) * flown_m:.1f} m)"
+    metres = "" if flying_m is None else f" ({abs(share) * flying_m:.1f} m)"
     return f"{abs(share):.1%} of the flying height{metres} {where}"

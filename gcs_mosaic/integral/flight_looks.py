@@ -25,9 +25,10 @@ from gcs_mosaic.views.decoding import original_pixels
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
 from gcs_mosaic.views.pictures import REDUCTIONS
 
-# Shares of the flying height between which the focus can be moved: over woods the map may lie by the crowns, with the ground
-# below it; above half of the way to the camera nothing is sought.
-LOWEST, HIGHEST = -0.4, 0.5
+# Shares of the flying height above the map's ground between which the focus can be moved. Over woods the map may lie by the
+# crowns: where these reach 60 % of the way up to the aircraft, as from 35 m over trees of 21 m, the ground is at -150 %.
+# Above half of the way to the camera nothing is sought.
+LOWEST, HIGHEST = -1.5, 0.5
 MOST_LOOKS = 100  # in memory: 100 of 400 x 400 px in colour are 200 MB
 RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 

@@ -10,6 +10,7 @@ over many, and then the ground is somewhere at their lower end or below.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,7 +25,7 @@ from gcs_mosaic.stitch.arrays import Array, FloatImage, Mask
 CELLS = 72  # of the window's side while it is sought: details of half a metre in 40 m
 MOST_LOOKS = 16  # more of them hardly make it surer, and cost
 BROAD = 11  # cells; what is broader is in focus over too many heights to tell one
-MOST_HEIGHTS = 61  # one for each 1.5 % of the flying height
+MOST_HEIGHTS = 108  # one for each 1.5 % of the way from the camera
 # Agreement by chance: of some thousand pixels the ratio is 1 within 0.05; 0.25 is far beyond, also where neighbours are alike.
 LEAST_AGREEMENT = 1.25
 # A peak is one if between it and each higher one the looks agree so much less: other ratios are ripples of the same peak.
@@ -62,7 +63,8 @@ def ground_focus(
     if len(some) < LEAST_LOOKS:
         return Focus(height=0.0, known=False, agreement=1.0, heights=heights, curve=np.ones(len(heights)))
     curve = np.array([agreement(laid_together(some, coarse, share * flying_height)) for share in heights])
-    broadest = MOST_BREADTH * coarse.cell / max(aperture.width, 1e-9) / (heights[1] - heights[0])
+    apart = math.log((1 - heights[0]) / (1 - heights[1]))
+    broadest = MOST_BREADTH * coarse.cell / max(aperture.width, 1e-9) / apart
     lowest = next(iter(_peaks(curve, broadest)), None)
     if lowest is None:
         agreeing = np.flatnonzero(curve >= AGREES)
@@ -113,9 +115,11 @@ def _details(look: FloatImage) -> FloatImage:
 
 
 def _heights(window: GroundWindow, aperture: SyntheticAperture) -> Array:
-    """So close that between two a point at the window's middle moves by a pixel or two over the aperture."""
-    moved = aperture.width / max(window.cell, 1e-9) * (HIGHEST - LOWEST)
-    return np.linspace(LOWEST, HIGHEST, int(np.clip(moved, 9, MOST_HEIGHTS)))
+    """So close that between two a point at the window's middle moves by a pixel or two over the aperture: the farther from the
+    camera, the farther apart, by equal ratios."""
+    farthest, nearest = math.log(1 - LOWEST), math.log(1 - HIGHEST)
+    moved = aperture.width / max(window.cell, 1e-9) * (farthest - nearest)
+    return 1 - np.exp(np.linspace(farthest, nearest, int(np.clip(moved, 9, MOST_HEIGHTS))))
 
 
 def _peaks(curve: Array, broadest: float) -> list[int]:
@@ -156,4 +160,4 @@ def _between(heights: Array, curve: Array, at: int) -> float:
     before, here, after = curve[at - 1 : at + 2]
     bend = before - 2 * here + after
     shift = 0.0 if bend >= 0 else float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5))
-    return float(heights[at] + shift * (heights[1] - heights[0]))
+    return float(heights[at] + shift * (heights[at + 1] - heights[at - 1]) / 2)

@@ -58,6 +58,14 @@ def test_open_ground_is_found_at_its_height(height: float) -> None:
     assert found.height == pytest.approx(height, abs=0.01)
 
 
+@pytest.mark.parametrize("ground", [-0.6, -1.0, -1.4])
+def test_ground_is_found_far_below_a_map_of_crowns(ground: float) -> None:
+    """As from low above high trees, where all that was matched lies by the tops."""
+    found = focus_of(looks(ground, 0.0, 0.6))
+    assert found.known
+    assert found.height == pytest.approx(ground, abs=0.02 * (1 - ground))
+
+
 @pytest.mark.parametrize("cover", [0.4, 0.7])
 def test_beneath_clumps_the_ground_is_the_lowest_height_of_agreement(cover: float) -> None:
     found = focus_of(looks(-0.1, 0.12, cover))

@@ -10,7 +10,7 @@ import tifffile
 
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.integral.flight_looks import HIGHEST
+from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST
 from gcs_mosaic.integral.forms import looks_of, mean
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
 from gcs_mosaic.integral.lens_keeper import LensKeeper, LensWish
@@ -59,7 +59,7 @@ def test_the_aperture_opens_from_the_middle(lens: GroundLens) -> None:
 
 
 def test_a_focus_that_nothing_can_be_in_is_refused(lens: GroundLens) -> None:
-    for height in (-0.6, HIGHEST + 0.01):
+    for height in (LOWEST - 0.01, HIGHEST + 0.01):
         with pytest.raises(UsageError, match="beyond what can be sought"):
             lens.stack(height)
 
