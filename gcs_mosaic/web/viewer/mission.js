@@ -2,8 +2,9 @@
 // Fly the gaps: what no frame has seen, or where a person may have been missed, as a mission for a ground station.
 
 import { byId, element } from "/viewer/dom.js";
-import { t } from "/viewer/words.js";
+import { said, t } from "/viewer/words.js";
 
+const NOTHING = "There is nothing to fly again"; // which is no fault: so the server's sentence begins
 const TIMEOUT_MS = 60000; // gaps of a long flight on a busy machine
 
 export class Mission {
@@ -26,15 +27,22 @@ export class Mission {
     if (below.value.trim()) {
       for (const [name, value] of Object.entries({ ...this.sought(), below: String(Number(below.value) / 100) })) asked.set(name, value);
     }
-    this.said.textContent = t("Asking …");
+    this.tell(t("Asking …"));
     try {
       const response = await fetch(`/api/v1/mission.${format.value}?${asked}`, { signal: AbortSignal.timeout(TIMEOUT_MS) });
       if (!response.ok) throw new Error((await response.text()).trim() || `${response.status}`);
-      this.said.textContent = t("Saved. It is advice: look at it in the ground station before it is flown.");
+      this.tell(t("Saved. It is advice: look at it in the ground station before it is flown."));
       offer(await response.blob(), `gaps.${format.value}`);
     } catch (error) {
-      this.said.textContent = error.message;
+      this.tell(said(error.message), !error.message.startsWith(NOTHING));
     }
+  }
+
+  /** In sight, and as an alarm only where something is wrong. */
+  tell(sentence, isWrong = false) {
+    this.said.setAttribute("role", isWrong ? "alert" : "status");
+    this.said.textContent = sentence;
+    this.said.scrollIntoView({ block: "nearest" });
   }
 }
 
