@@ -6,11 +6,15 @@ In German, whose words are longest, at the sizes of a phone, a tablet and a lapt
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
+from tests.sure import sure
 from tests.web.browser import CHROMIUM, Page
 from tests.web.seen_flight import seen_flight
 
@@ -70,6 +74,36 @@ def test_a_question_of_the_mission_takes_no_more_than_three_lines(opened: Page) 
 def test_a_state_without_anything_to_see_to_is_one_line(opened: Page) -> None:
     """On a phone, too: the number of frames stands beside it."""
     assert apart(opened, "parts", "state") <= 8
+
+
+def test_night_is_red_in_legends_and_among_looks_too(page: Page, url: str, tmp_path: Path) -> None:
+    """Eyes that are used to the dark see green and blue long afterwards."""
+    page.resize(1366, 768)
+    page.open(url)
+    page.wait_for("document.querySelectorAll('#layer option').length > 3")
+    page.evaluate("document.documentElement.dataset.theme = 'night'")
+    page.evaluate(
+        "(s => { s.value = 'sharpness'; s.dispatchEvent(new Event('change')); })(document.getElementById('layer'))"
+    )
+    page.wait_for("!document.getElementById('legend').hidden")
+    assert colours(page, "#legend i", tmp_path) == (True, True)
+    page.evaluate("""(() => {
+      for (const name of ["originals", "originals-looks"]) document.getElementById(name).hidden = false;
+      document.querySelector("#originals-looks ol").innerHTML = "<li><button><span class='coming'></span></button></li>";
+    })()""")
+    assert colours(page, "#originals-looks span", tmp_path) == (True, True)
+
+
+def colours(page: Page, what: str, folder: Path) -> tuple[bool, bool]:
+    """Whether an element shows anything, and nothing but red, as far as a screen goes."""
+    page.screenshot(folder / "night.png")
+    left, top, right, bottom = page.evaluate(
+        f"(({{ left, top, right, bottom }}) => [left, top, right, bottom].map(Math.round))"
+        f"(document.querySelector('{what}').getBoundingClientRect())"
+    )
+    shown = sure(cv2.imread(str(folder / "night.png")))[top:bottom, left:right].astype(int)
+    blue, green, red = shown.reshape(-1, 3).T
+    return bool(red.max() > 100), bool((np.maximum(blue, green) <= 0.5 * red + 10).all())
 
 
 def test_what_was_measured_of_a_few_pictures_is_no_figure(opened: Page) -> None:
