@@ -113,8 +113,8 @@ export class Reviews {
     const { units } = cell;
     const cells = missing.map(([x, y]) => [units * y - 2 ** 23, units * x - 2 ** 23])
       .map(([top, left]) => [[[top, left], [top, left + units], [top + units, left + units], [top + units, left]]]);
-    // All in one, so that no seams show between them.
-    this.shade.addLayer(L.polygon(/** @type {any} */ (cells), { renderer, stroke: false, fillColor: "#30006b", fillOpacity: 0.45, interactive: false }));
+    // All in one, and none simplified, so that no seams show between them.
+    this.shade.addLayer(L.polygon(/** @type {any} */ (cells), { renderer, smoothFactor: 0, stroke: false, fillColor: "#30006b", fillOpacity: 0.45, interactive: false }));
   }
 
   /** @param {readonly Api.Reviewer[]} reviewers */
