@@ -140,8 +140,8 @@ class Looking:
         return min(wanted, key=lambda cell: (abs(cell[1] - y) // asked.lines, abs(cell[0] - x), cell[1], cell[0]))
 
     def _around(self, cell: Cell, asked: Place, taken: set[Cell], free: set[Cell]) -> GroundPatch:
-        """The patch of a fixed grid that holds a cell, cut so that it has none that others have, and no wider than what is free in
-        it: that is to stand in the middle of the screen."""
+        """The patch of a fixed grid that holds a cell, cut so that it has none that others have, and no wider than what is free,
+        which so stands in the middle of the screen."""
         (x, y), right, bottom = cell, 1, 1
         left, top = x - x % asked.columns, y - y % asked.lines
         x = next((one + 1 for one in range(x - 1, left - 1, -1) if (one, y) in taken), left)
