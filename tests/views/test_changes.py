@@ -13,6 +13,7 @@ import pytest
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.store.folder import PROGRESS_NAME
 from gcs_mosaic.views.changes import Compared, FlightChanges, merged_flights
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.layers import UNKNOWN, LayerTiles
@@ -128,3 +129,15 @@ def test_tiles_show_it_at_any_level(tmp_path: Path) -> None:
         changed = (picture[..., 3] > 0) & (picture[..., :3] != UNKNOWN).any(axis=2)
         assert 0 < changed.mean() < 0.1
     assert tiles.changed(0, Tile(16, middle - 9, middle)) is None
+
+
+@pytest.mark.parametrize(("written", "logged"), [(None, 0), (b"{", 1), (b"[" * 5000, 1), (b'{"command": "stitch"}', 0)])
+def test_what_does_not_tell_is_not_merged_and_trouble_is_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, written: bytes | None, logged: int
+) -> None:
+    """A file that is not there is no trouble."""
+    view = FlightView(drawn_flight(tmp_path / "map", [Drawn("a/0.png", Pose(180.0, 250.0))]))
+    if written is not None:
+        (view.root / PROGRESS_NAME).write_bytes(written)
+    assert merged_flights(view, view.table()) == ([], {})
+    assert [PROGRESS_NAME in one.getMessage() for one in caplog.records] == [True] * logged
