@@ -122,25 +122,24 @@ def detection_map(
     person: Person,
     side: float,
 ) -> DetectionMap:
-    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person,
-    canvas units."""
+    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person."""
     table = view.table()
     grid = _coarse(whole.grid, footprint_of(table.boxes[table.islands == island]))
     looks = _Looks((grid.rows, grid.columns))
     ours = [index for index, one in enumerate(table.frames) if one.island == island]
-    unstated = np.zeros((grid.rows, grid.columns), np.bool_)
-    known = [found for index in ours if (found := measured.of(table.frames[index])) is not None]
-    for index in ours:
-        found, painted = measured.of(table.frames[index]), view.painted(table.frames[index].number)
+    unstated = np.zeros_like(looks.is_seen)
+    of_frames = [measured.of(table.frames[index]) for index in ours]
+    for index, found in zip(ours, of_frames, strict=True):
+        painted = view.painted(table.frames[index].number)
         if found is not None and found.ground is not None and not found.ground.is_grey and painted is not None:
             _add(looks, grid, table, index, found, painted, person, side)
         elif (cells := cells_of(grid, table.outlines[index])) is not None:
             unstated[cells[0]] |= cells[1]
-    probability = looks.probability(coefficients())
     seen = _resampled(whole.looks > 0, whole.grid, grid)
     bare = _gap_cells(grid, gaps) & ~seen
-    probability[bare] = 0.0
-    grey = [found.ground.is_grey for found in known if found.ground is not None]
+    probability = np.where(bare, 0.0, looks.probability(coefficients()))
+    known = [found for found in of_frames if found is not None]
+    grey = [one.ground.is_grey for one in known if one.ground is not None]
     troubles = {found.trouble for found in known} | {measured.put_off(table.frames[index]) for index in ours}
     return DetectionMap(
         revision=table.revision,

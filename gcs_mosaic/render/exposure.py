@@ -164,16 +164,16 @@ def is_false_colour(small: Levels) -> bool:
     colours = small.reshape(-1, 3).astype(np.float64)
     hue = colours - colours.mean(axis=1, keepdims=True)
     spread = float(np.sqrt(hue.var(axis=0).sum()))
-    return float(np.median(np.ptp(colours, axis=1))) > PALETTE_SATURATION and spread > PALETTE_SPREAD
+    return bool(np.median(np.ptp(colours, axis=1)) > PALETTE_SATURATION and spread > PALETTE_SPREAD)
 
 
 def is_grey(some: Levels) -> bool:
     """Whether a sample of a picture (h, w, bands) in grey levels is of one band, or of three that show the same, as those of a
     thermal camera's JPEGs do."""
     if some.shape[2] != 3:
-        return some.shape[2] == 1
+        return bool(some.shape[2] == 1)
     apart = some.max(axis=2).astype(np.float32) - some.min(axis=2)
-    return float(np.quantile(apart, GREY_SHARE)) <= GREY_LEVELS
+    return bool(np.quantile(apart, GREY_SHARE) <= GREY_LEVELS)
 
 
 def apply_gain(image: ImageBGR, gain: Gain) -> ImageBGR:

@@ -322,9 +322,13 @@ def _corner(window: Grid, column: int, row: int) -> tuple[float, float]:
 
 
 def _was_merged(root: Path) -> bool:
+    """Whether the folder says so; what cannot be read is logged and says nothing."""
     try:
         with inside.reading(root / PROGRESS_NAME, root) as file:
             told = json.loads(file.read(MOST_BYTES))
-    except (OSError, ValueError, RecursionError):
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, RecursionError) as error:
+        logger.warning("%s does not tell whether flights were merged: %s", PROGRESS_NAME, error)
         return False
     return isinstance(told, dict) and told.get("command") == "merge"

@@ -36,6 +36,12 @@ def test_a_coarse_look_shows_everything_where_it_was(bands: int) -> None:
     coarse = coarsened(look, window, 1.0)
     assert coarse.image.shape == (240 // 5, 320 // 5, bands)
     fine, kept = (sure(laid(one, window, 0.0)) for one in (look, coarse))
+    known = np.isfinite(fine), np.isfinite(kept)
+    assert known[0].any()
+    assert (
+        known[0] & ~known[1]
+    ).sum() <= 2 * window.cells * bands  # the pixels of two rims, at the right and at the bottom
+    assert not (known[1] & ~known[0]).any()
     assert np.nanmax(np.abs(cv2.absdiff(fine, kept))) < 0.1
     assert coarsened(look, window, 3.0) is look
 

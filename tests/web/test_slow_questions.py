@@ -12,20 +12,18 @@ from aiohttp import web
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
-from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import handed_over
-from gcs_mosaic.web.api.common import OneThread, steadily
+from gcs_mosaic.web.api.common import THREADS, OneThread, steadily
 from gcs_mosaic.web.api.detection import Measuring
-from gcs_mosaic.web.server import WebServer
 from tests.handover.gapped import gapped_flight
+from tests.web.served import served
 from tests.web.test_app import Client
 
 
 @pytest.fixture
 def client(tmp_path: Path) -> Iterator[Client]:
-    server = WebServer(gapped_flight(tmp_path / "flight"), HttpAddress("127.0.0.1", 0))
-    yield Client(server.start())
-    server.stop()
+    with served(gapped_flight(tmp_path / "flight")) as url:
+        yield Client(url)
 
 
 class Held:
@@ -54,7 +52,7 @@ def test_as_many_slow_ones_as_there_are_threads_leave_quick_ones_alone(
     held = Held()
     monkeypatch.setattr(handed_over, "_file", held.file)
     monkeypatch.setattr(ThermalScales, "of", held.scale)
-    asking = [threading.Thread(target=client.ask, args=(path,)) for _ in range(2)]
+    asking = [threading.Thread(target=client.ask, args=(path,)) for _ in range(THREADS)]
     for one in asking:
         one.start()
     try:
