@@ -28,14 +28,22 @@ HOLD = """void (() => {
   };
 })()"""
 FIGURE = "document.getElementById('detection-told').textContent"
+NOTES = "document.getElementById('detection-said').textContent"
 COLOURS = ["#000000", "#ffffff"]
 BAR = {"kind": "counts", "unit": "counts", "values": [1, 2, 3, 4, 5], "colours": COLOURS, "within": None}
 
 
-def told(flown: float, covered: float = 1.0) -> str:
+def told(flown: float, covered: float = 1.0, leaves_unknown: float = 0.0) -> str:
     """As the API describes its answer."""
     answer = {"map_revision": 1, "trouble": "", "flown": flown, "seen": flown, "part": None, "covered": covered}
-    answer |= {"frames": 19, "measured": 19, "person_px": 20.0, "by": "anchor", "colours": COLOURS}
+    answer |= {
+        "leaves_unknown": leaves_unknown,
+        "frames": 19,
+        "measured": 19,
+        "person_px": 20.0,
+        "by": "anchor",
+        "colours": COLOURS,
+    }
     return described("detection", answer)
 
 
@@ -78,13 +86,18 @@ def test_a_figure_is_of_who_is_asked_for_now(held: Page) -> None:
     assert held.evaluate(FIGURE) == ""
     held.evaluate(f"window.tellAll('clothes=red', {told(0.4, 0.8)})")
     held.wait_for(f"{FIGURE}.startsWith('40 %')")
-    assert "Of 20 % of that ground nothing is stated" in held.evaluate(
-        "document.getElementById('detection-said').textContent"
-    )
+    assert "Of 20 % of that ground nothing is stated" in held.evaluate(NOTES)
+    assert "leaves" not in held.evaluate(NOTES)
     dress(held, "white")
     assert held.evaluate(FIGURE) == ""
-    held.evaluate(f"window.tellAll('clothes=white', {told(0.7)})")
+    held.evaluate(f"window.tellAll('clothes=white', {told(0.7, 1.0, 0.123)})")
     held.wait_for(f"{FIGURE}.startsWith('70 %')")
+    assert "On 13 % of it no two looks tell whether leaves hide the ground" in held.evaluate(NOTES)
+    dress(held, "olive")
+    held.evaluate(f"window.tellAll('clothes=olive', {told(0.8, 1.0, 1.0)})")
+    held.wait_for(f"{FIGURE}.startsWith('80 %')")
+    assert "these figures are of open ground" in held.evaluate(NOTES)
+    dress(held, "white")
     held.wait_for(f"window.tellAll('clothes=white', {described('detection', 'Busy.', 503)}, 503) > 0")
     held.wait_for(f"{FIGURE} === ''")
 
