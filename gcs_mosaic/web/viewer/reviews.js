@@ -64,7 +64,8 @@ export class Reviews {
     const { layer, map } = this.map;
     const isAwake = Date.now() - this.lastInput < AWAKE_MS;
     const isFree = byId("originals").hidden && byId("looking").hidden && byId("side").hidden; // who reads a panel does not look
-    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && isFree;
+    const isMap = !map.getContainer().classList.contains("through-trees"); // what is laid together is not as sharp as the frames
+    const isLooking = isMap && this.isCounting && isAwake && document.visibilityState === "visible" && isFree;
     if (!layer?.isComplete() || !isLooking || Date.now() - this.moved < STILL_MS || map.getZoom() < this.leastLevel() - 0.5) return;
     const level = Math.max(0, Math.min(30, Math.round(map.getZoom())));
     try {
