@@ -273,7 +273,7 @@ def _file(
         height_m=asked.height,
         below=asked.below,
         person=Person(posture=asked.posture, clothes=asked.clothes),
-        outline=tuple((x, y) for x, y in outline_of(asked.outline).tolist()) if asked.outline else (),
+        outline=() if (outline := outline_of(asked.outline)) is None else tuple((x, y) for x, y in outline.tolist()),
         at_height=asked.at,
     )
     anchors = _anchors(request.app[NOTES].islands(*pinned))
