@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from gcs_mosaic.integral.aperture import aperture_of
-from gcs_mosaic.integral.flight_looks import as_grey, read_look
+from gcs_mosaic.integral.flight_looks import as_grey, read_look, spread
 from gcs_mosaic.integral.focal_plane import camera_height
 from gcs_mosaic.integral.focus import CELLS, LEAST_LOOKS, MOST_LOOKS, ground_focus
 from gcs_mosaic.integral.relief_plane import slopes_of
@@ -117,7 +117,7 @@ class GroundSurface:
         middle = np.array([window.x, window.y])
         seeing = {number: one for number, one in painted.items() if _sees(one, middle)}
         looks = list[GroundLook]()
-        for number in list(seeing)[:: max(1, -(-len(seeing) // MOST_LOOKS))]:
+        for number in spread(list(seeing), MOST_LOOKS):
             look = self._coarse(number, seeing[number], window.cell)
             if look is not None:
                 looks.append(look)

@@ -19,7 +19,7 @@ from gcs_mosaic.integral.relief_plane import slopes_of
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, level_from_canvas
 from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
-from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.views.flight_view import FlightView, FrameTable, table_of
 from tests.ended_flights import ended_flight, photographed
 
 pytestmark = pytest.mark.long
@@ -144,6 +144,36 @@ def test_a_part_is_made_anew_only_if_something_lies_otherwise(flown: Path, tmp_p
     before = made(tiles, keys)
     assert not any(is_old for *_, is_old in tiles.parts(keys))
     assert [one.version for one in made(tiles, keys)] == [one.version for one in before]
+
+
+class Growing(FlightView):
+    """A flight of which some frames have not come yet."""
+
+    missing = 0
+
+    def table(self, at_least: int = 0) -> FrameTable:
+        whole = super().table(at_least)
+        frames = whole.frames[: len(whole.frames) - self.missing]
+        return table_of(whole.revision - self.missing, frames)
+
+
+def test_a_new_look_renews_what_it_touches_and_leaves_the_rest(flown: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ground_tiles, "REST_S", 0.0)
+    view = Growing(flown)
+    tiles, keys = GroundTiles(view), keys_of(view, 0.0, 17)
+    view.missing = 1
+    before = dict(zip(keys, made(tiles, keys), strict=True))
+    view.missing = 0
+    newest = view.table().frames[-1].number
+    touched = {
+        key for key in keys if newest in {view.table().frames[at].number for at in view.table().near(0, key.box)}
+    }
+    assert 0 < len(touched) < len(keys)
+    assert {key for key, _, is_old in tiles.parts(keys) if is_old} == touched
+    after = dict(zip(keys, made(tiles, keys), strict=True))
+    assert {key for key in keys if after[key].version != before[key].version} == touched
+    fresh = dict(zip(keys, made(GroundTiles(FlightView(flown)), keys), strict=True))
+    assert [after[key].tiles for key in keys] == [fresh[key].tiles for key in keys]
 
 
 def test_originals_that_are_gone_are_counted_and_leave_nothing_to_see(flown: Path, tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.api.asked import asked_query
 from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, answer, in_thread
-from gcs_mosaic.web.api.detection import scales_of
 from gcs_mosaic.web.api.operations import NO_NOTES, Operations, Reply
+from gcs_mosaic.web.api.scale import scales_of
 
 OPERATIONS = Operations()
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import math
 import time
-from collections.abc import AsyncIterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Annotated
@@ -20,15 +18,24 @@ from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.layers import is_possible
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, POOL, VIEW, MapRevision, OneThread, answer, in_thread, map_revision, missing
+from gcs_mosaic.web.api.common import (
+    BASE,
+    VIEW,
+    MapRevision,
+    OneThread,
+    answer,
+    beside,
+    in_thread,
+    map_revision,
+    missing,
+    steadily,
+)
 from gcs_mosaic.web.api.layers import PLACE
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.tile_answer import tile_answer
 
 if TYPE_CHECKING:
     from gcs_mosaic.integral.ground_tiles import GroundTiles, PartKey
-
-logger = logging.getLogger(__name__)
 
 OPERATIONS = Operations()
 IDLE_S = 0.3  # between two looks whether somebody wants something
@@ -95,6 +102,7 @@ class GroundThread:
         self._view = view
         self._thread = OneThread("ground", MOST_PARTS)
         self._tiles: GroundTiles | None = None
+        self._last = math.inf  # piece of work
 
     def tiles(self) -> GroundTiles:
         """Made when somebody asks: it loads what decodes."""
@@ -103,25 +111,19 @@ class GroundThread:
         self._tiles = self._tiles or GroundTiles(self._view)
         return self._tiles
 
-    async def for_ever(self) -> None:
-        last = math.inf
-        while True:
-            begun = time.monotonic()
-            if await self._step():
-                last = time.monotonic()
-                await asyncio.sleep(REST * (last - begun))
-                continue
-            if self._tiles is not None and begun - last > FORGET_S:
-                last = math.inf
-                await self._thread.run_anyway(self._tiles.forget)
-            await asyncio.sleep(IDLE_S)
-
-    async def _step(self) -> bool:
-        try:
-            return self._tiles is not None and await self._thread.run_anyway(self._tiles.step)
-        except Exception:  # whatever a stranger's folder holds: other parts are made all the same
-            logger.exception("a part of the ground cannot be made")
+    async def step(self) -> bool:
+        """A piece of work, and the rest after it; False if there is nothing to do."""
+        begun = time.monotonic()
+        if self._tiles is None:
+            return False
+        if await self._thread.run_anyway(self._tiles.step):
+            self._last = time.monotonic()
+            await asyncio.sleep(REST * (self._last - begun))
             return True
+        if begun - self._last > FORGET_S:
+            self._last = math.inf
+            await self._thread.run_anyway(self._tiles.forget)
+        return False
 
     def end(self) -> None:
         self._thread.end()
@@ -133,7 +135,7 @@ GROUND = web.AppKey("ground", GroundThread)
 def add_ground(app: web.Application) -> None:
     """Look through the trees as long as the application runs."""
     app[GROUND] = GroundThread(app[VIEW])
-    app.cleanup_ctx.append(_kept)
+    app.cleanup_ctx.append(beside(_make_for_ever, _ended))
 
 
 @OPERATIONS.add(
@@ -167,7 +169,7 @@ async def ground(request: web.Request) -> web.StreamResponse:
     tiles = await in_thread(request, request.app[GROUND].tiles)
     keys = await in_thread(request, _parts, int(request.match_info["island"]), asked)
     tiles.want(keys)
-    found = await in_thread(request, tiles.parts, keys, pool=POOL)
+    found = await in_thread(request, tiles.parts, keys)
     made = [part for _, part, _ in found if part is not None]
     told = GroundAnswer(
         map_revision=revision,
@@ -218,10 +220,9 @@ def _height(asked: float | None) -> float | None:
     return None if asked is None else round(asked, 3)
 
 
-async def _kept(app: web.Application) -> AsyncIterator[None]:
-    task = asyncio.create_task(app[GROUND].for_ever())
-    yield
-    task.cancel()
-    with suppress(asyncio.CancelledError):
-        await task
+async def _make_for_ever(app: web.Application) -> None:
+    await steadily(app[GROUND].step, IDLE_S)
+
+
+async def _ended(app: web.Application) -> None:
     app[GROUND].end()

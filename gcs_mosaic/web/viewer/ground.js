@@ -126,7 +126,7 @@ export class Ground {
     else lines.push(t("All of this view is laid together. What fewer than two frames saw is the dimmed map."));
     if (trouble) lines.push(said(trouble));
     if (this.height() === null && cells) {
-      lines.push(t("The ground's height was found at {n} of {all} places; elsewhere the focus is a guess: set it.", { n: known, all: cells }));
+      lines.push(known === cells ? t("The ground's height was found everywhere.") : t("The ground's height was found at {n} of {all} places; elsewhere the focus is a guess: set it.", { n: known, all: cells }));
     }
     if (lost) lines.push(t("{n} originals cannot be read and are left out.", { n: lost }));
     this.told.textContent = lines.join(" ");
