@@ -14,7 +14,9 @@ import pytest
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.detection.detection_map import SOME_GREY
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
-from gcs_mosaic.handover.mission import NO_ANCHOR, MissionWish, nothing_to_fly
+from gcs_mosaic.handover.mission import NO_ANCHOR, TOO_LARGE, MissionWish, nothing_to_fly
+from gcs_mosaic.handover.patches import NO_GROUND
+from gcs_mosaic.integral.ground_tiles import FAILED, FROM_AFAR
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
@@ -91,7 +93,7 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
     scripts = "".join(path.read_text("utf-8") for path in SCRIPTS)
     served = [
         *sentences_of_the_server(),
-        *(NO_SCALE, GREY, SOME_GREY, PALETTE, TOO_SMALL),
+        *(NO_SCALE, GREY, SOME_GREY, PALETTE, TOO_SMALL, FAILED, FROM_AFAR, NO_GROUND, TOO_LARGE),
         *(word for one in legends(merged=True) for word in (one.title, one.worst, one.best)),
     ]
     used = {*words.found, *served, *(word for script in SCRIPTS for word in said_by(script))}

@@ -65,7 +65,8 @@ export class Reviews {
   isLookedAt() {
     const { layer, map } = this.map;
     const isAwake = Date.now() - this.lastInput < AWAKE_MS;
-    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && isMapFree() && byId("looking").hidden;
+    const isMap = !map.getContainer().classList.contains("through-trees"); // what is laid together is not as sharp as the frames
+    const isLooking = isMap && this.isCounting && isAwake && document.visibilityState === "visible" && isMapFree() && byId("looking").hidden;
     return isLooking && Boolean(layer) && map.getZoom() >= this.leastLevel() - 0.5;
   }
 
