@@ -31,6 +31,7 @@ from gcs_mosaic.views.flight_view import FlightView
 SIDE_OVERLAP = 0.6
 BEYOND = 0.25  # of a footprint: how far a line goes beyond a patch, so that its first and last picture show known ground, too
 MOST_PATCHES = 200  # the largest of an island
+NO_ANCHOR = "{what} has no anchor, and so no longitude to fly to: set two pins or more on the page."
 MOST_LINES = 500  # of an outline
 TOO_LARGE = f"The area takes more than {MOST_LINES} lines: draw a smaller one, or fly higher."
 MANY_ITEMS = 700  # some autopilots hold no more
@@ -155,11 +156,11 @@ def planned(
     laid = [one for one in wanted if one in anchors]
     if not laid:
         what = "The map" if wish.island is None else f"Island {wish.island}"
-        raise UsageError(f"{what} has no anchor, and so no longitude to fly to: set two pins or more on the page.")
+        raise UsageError(NO_ANCHOR.format(what=what))
     detection_of = detection_of or Detections(view, coverage_of).whole
     todo = {one: found for one in laid if (found := _patches(view, coverage_of, detection_of, one, anchors[one], wish))}
     if not todo:
-        raise UsageError(f"There is nothing to fly again: {_nothing(wish)}.")
+        raise UsageError(nothing_to_fly(wish))
     flying = {one: _flying(view, one, anchors[one], wish) for one in todo}
     plane = anchors[laid[0]].plane
     patches = [_flown(plane, flying[one], patch) for one, found in todo.items() for patch in found]
@@ -215,15 +216,18 @@ def _improbable(found: DetectionMap | None, least: float, footprint: float) -> l
     return patches_in(found.grid, found.below(least), footprint)
 
 
-def _nothing(wish: MissionWish) -> str:
+def nothing_to_fly(wish: MissionWish) -> str:
+    """A sentence: why there is no mission."""
     if wish.below is not None:
-        return (
+        why = (
             f"by the model no patch of the flown area is below {wish.below:.0%} for that person, which clears no ground"
         )
-    if wish.looks == 1 and wish.gsd_m is None:
-        return "inside the flown area there is no gap"
-    coarse = "" if wish.gsd_m is None else f" and none coarser than {wish.gsd_m:g} m a pixel"
-    return f"inside the flown area no patch was seen fewer than {wish.looks} times{coarse}"
+    elif wish.looks == 1 and wish.gsd_m is None:
+        why = "inside the flown area there is no gap"
+    else:
+        coarse = "" if wish.gsd_m is None else f" and none coarser than {wish.gsd_m:g} m a pixel"
+        why = f"inside the flown area no patch was seen fewer than {wish.looks} times{coarse}"
+    return f"There is nothing to fly again: {why}."
 
 
 def _flying(view: FlightView, island: int, anchor: Anchor, wish: MissionWish) -> _Flying:

@@ -22,6 +22,8 @@ HEAR = """void (() => {
     return made(data);
   };
 })()"""
+IS_ALARM = "document.getElementById('mission-said').matches('[role=alert]')"
+IS_IN_SIGHT = "document.getElementById('mission-said').getBoundingClientRect().bottom <= innerHeight"
 SAID = "document.getElementById('mission-said').textContent"
 
 
@@ -49,12 +51,16 @@ def test_the_mission_is_saved(tmp_path: Path) -> None:
         page.wait_for("window.saved?.startsWith('QGC WPL 110')")
         assert "\t80.50000000\t" in page.evaluate("window.saved")
         assert "advice" in page.evaluate(SAID)
+        assert page.evaluate(IS_ALARM) is False
+        assert page.evaluate(IS_IN_SIGHT)
 
 
 def test_why_there_is_none_is_said(tmp_path: Path) -> None:
     with at_the_panel(gapped_flight(tmp_path / "flight", pinned=False), tmp_path / "profile") as page:
         save(page)
         page.wait_for(f"{SAID}.includes('anchor')")
+        assert page.evaluate(IS_ALARM)
+        assert page.evaluate(IS_IN_SIGHT)
         assert page.evaluate("window.saved ?? null") is None
 
 

@@ -6,6 +6,7 @@ import { byId, element } from "/viewer/dom.js";
 import { fetchDocument } from "/viewer/server.js";
 import { said, t } from "/viewer/words.js";
 
+const NOTHING = "There is nothing to fly again"; // which is no fault: so the server's sentence begins
 const TIMEOUT_MS = 60000; // gaps of a long flight on a busy machine
 /** @type {[string, number][]} colour, width */
 const LINE = [["#000", 5], ["#9be15d", 3]];
@@ -43,14 +44,14 @@ export class Mission {
   /** Save a mission; what stands against it is said in an element. */
   async bring(asked, name, where) {
     const { format } = this.form.elements;
-    where.textContent = t("Asking …");
+    tell(where, t("Asking …"));
     try {
       const response = await fetch(`/api/v1/mission.${format.value}?${asked}`, { signal: AbortSignal.timeout(TIMEOUT_MS) });
       if (!response.ok) throw new Error((await response.text()).trim() || `${response.status}`);
-      where.textContent = t("Saved. It is advice: look at it in the ground station before it is flown.");
+      tell(where, t("Saved. It is advice: look at it in the ground station before it is flown."));
       offer(await response.blob(), `${name}.${format.value}`);
     } catch (error) {
-      where.textContent = said(error.message);
+      tell(where, said(error.message), !error.message.startsWith(NOTHING));
     }
   }
 }
@@ -139,6 +140,14 @@ export class CanopyMission {
     const outline = this.corners.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(";");
     await this.mission.bring(this.mission.asked({ ...this.wish(), island: String(this.island), outline }), "trees", this.said);
   }
+}
+
+/** In sight, and as an alarm only where something is wrong.
+ * @param {HTMLElement} where */
+function tell(where, sentence, isWrong = false) {
+  where.setAttribute("role", isWrong ? "alert" : "status");
+  where.textContent = sentence;
+  where.scrollIntoView({ block: "nearest" });
 }
 
 function percent(share) {
