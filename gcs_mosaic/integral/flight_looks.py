@@ -16,6 +16,7 @@ from gcs_mosaic.integral.relief_plane import plane_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
 from gcs_mosaic.integral.why_not import nobody_sees, too_few
 from gcs_mosaic.render.counts_range import sample_of
+from gcs_mosaic.render.dense_places import STEP, between_steps
 from gcs_mosaic.render.exposure import is_grey
 from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
@@ -138,9 +139,7 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     low, high = np.array([left, top]) * reduction, np.array([right, bottom]) * reduction
     levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
     levels = levels * np.asarray(painted.gain, np.float32)
-    x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
-    pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
-    bright = brightening_of(painted, pixels)
+    bright = _brightening(painted, (left, top, right, bottom), reduction)
     if bright is not None:
         levels = levels * bright
     one_band = is_grey(painted.display.levels(sample_of(image)))  # of the whole: a window may show tarmac alone
@@ -156,6 +155,20 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
         dead=painted.dead,
         still=painted.still,
     )
+
+
+def _brightening(painted: RenderItem, box: PixelBox, reduction: float) -> FloatImage | None:
+    """Factor (h, w, bands or 1) of the pixels of a box besides the gain, bilinear between STEPs as on tiles; None for 1."""
+    left, top, right, bottom = box
+    x = left + STEP * np.arange(-(-(right - left) // STEP) + 1)
+    y = top + STEP * np.arange(-(-(bottom - top) // STEP) + 1)
+    nodes = np.stack(np.meshgrid(x * reduction - 0.5, y * reduction - 0.5), axis=-1).astype(np.float32)
+    found = brightening_of(painted, nodes)
+    if found is None:
+        return None
+    exact = found.astype(np.float64)
+    bands = [between_steps(exact[..., band], bottom - top, right - left) for band in range(exact.shape[2])]
+    return np.stack(bands, axis=-1)
 
 
 def _box(
