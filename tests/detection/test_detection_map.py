@@ -57,7 +57,7 @@ def told(
     detections: Detections, root: Path, clothes: Clothes = "orange", posture: Posture = "lying", smaller: float = 1.0
 ) -> DetectionMap:
     person = Person(posture=posture, clothes=clothes)
-    gsd_m = HEIGHT_M / Lens(*SIZE).focal_px
+    gsd_m = HEIGHT_M / Lens(width=SIZE[0], height=SIZE[1]).focal_px
     pixel = units_of_pixel(FlightView(root), 0)
     assert pixel is not None
     found = detections.whole(0, person, person.side_m / gsd_m * pixel / smaller)
