@@ -292,8 +292,8 @@ def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(
         someone.sees("hints-told", "Hints are off.")
         someone.press("hints-on")
         page.wait_for("document.querySelectorAll('#hints-list li').length >= 5", SEARCHED_S)
-        searched = "document.getElementById('hints-told').innerText.includes('12 of 12 frames are searched.')"
-        page.wait_for(searched, SEARCHED_S)
+        all_searched = "document.getElementById('hints-told').innerText.includes('12 of 12 frames are searched.')"
+        page.wait_for(all_searched, SEARCHED_S)
         for place in (0, 2, -1):  # crops are fetched once they are in view
             crop = f"[...document.querySelectorAll('#hints-list img')].at({place})"
             page.evaluate(f"{crop}.scrollIntoView()")
