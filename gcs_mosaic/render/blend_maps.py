@@ -32,8 +32,8 @@ BEYOND = 1.5  # factor by which a thing's contrast must exceed all around it in 
 # Grey levels beyond which, in all channels, light is clipped: another frame may show what is there.
 CLIPPED_DARK, CLIPPED_BRIGHT = 2, 250
 # Pixels of the analysed image: side of the squares over which the share of clipped ones is taken; size of what may be a vehicle;
-# how far clipped light glares.
-CLIPPED_AROUND, VEHICLE, BESIDE = 25, 120, 32
+# how far blown light glares.
+CLIPPED_AROUND, VEHICLE, GLARE = 25, 120, 32
 PATCH = 64  # of 255; share of clipped pixels that make a patch of light
 MOST_LOST = 5  # of 255; share of clipped pixels around places of which detail is taken
 LEAST_LIT = 0.1  # share of such places from which detail is told
@@ -92,18 +92,18 @@ def _in_least_ones(maps: Planes, times: float) -> list[cv2.typing.MatLike]:
     return [cv2.LUT(plane, tables[:, way]) for way, plane in enumerate(maps)]
 
 
-def clipped(look: ImageBGR) -> ImageGrey:
-    """255 where all channels are clipped, else 0."""
-    bright, dark = (
+def clipped(look: ImageBGR) -> tuple[ImageGrey, ImageGrey]:
+    """255 where all channels are blown, and where all are black, else 0."""
+    blown, black = (
         cv2.inRange(look, (CLIPPED_BRIGHT,) * 3, (255,) * 3),
         cv2.inRange(look, (0,) * 3, (CLIPPED_DARK,) * 3),
     )
-    return np.asarray(cv2.bitwise_or(bright, dark), np.uint8)
+    return np.asarray(blown, np.uint8), np.asarray(black, np.uint8)
 
 
-def glare(unlit: ImageGrey, shape: tuple[int, ...]) -> ImageGrey:
-    """Share of pixels around that are clipped (`unlit`), of 255, as a plane of this shape; with what lies beside it, where the
-    same light glares. None of what is no larger than a vehicle: that may be one."""
+def patches(unlit: ImageGrey, shape: tuple[int, ...], beside: int = 0) -> ImageGrey:
+    """Share of pixels around that are `unlit`, of 255, as a plane of this shape, and the greatest one within `beside` px. None of
+    what is no larger than a vehicle: that may be one."""
     share = cv2.resize(unlit, shape[1::-1], interpolation=cv2.INTER_AREA)
     share = np.asarray(cv2.blur(share, (CLIPPED_AROUND // POOL | 1,) * 2), np.uint8)
     if share.max(initial=0) < PATCH:
@@ -112,7 +112,7 @@ def glare(unlit: ImageGrey, shape: tuple[int, ...]) -> ImageGrey:
     large = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT]) > VEHICLE // POOL
     large[0] = False  # the ground
     share[~large[numbers]] = 0
-    return np.asarray(cv2.dilate(share, np.ones((2 * (BESIDE // POOL) + 1,) * 2, np.uint8)), np.uint8)
+    return np.asarray(cv2.dilate(share, np.ones((2 * (beside // POOL) + 1,) * 2, np.uint8)), np.uint8)
 
 
 def small_look(look: ImageBGR, shape: tuple[int, ...]) -> list[ImageGrey]:

@@ -21,14 +21,15 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.blend_maps import (
+    GLARE,
     LEAST,
     BlendMaps,
     Of,
     clipped,
     contrasts,
     detail_of,
-    glare,
     grouped_planes,
+    patches,
     small_look,
     tone_of,
 )
@@ -69,12 +70,12 @@ NO_LIGHT = 4.0
 
 def look_for_seams(look: ImageBGR, of: Of) -> BlendMaps:
     """What is kept of a frame's image: contrasts, clipped light, colours, detail, tone."""
-    found, unlit = contrasts(look), clipped(look)
+    found, (blown, black) = contrasts(look), clipped(look)
     shape = found[0].shape
-    blown = glare(unlit, shape)
-    found[BRIGHTER][blown > 0] = 0  # the rim of a glare is not a thing
-    planes = grouped_planes([*found, blown, *small_look(look, shape)])
-    return BlendMaps(of, planes, detail_of(look, unlit), tone_of(look, found[THINGS]))
+    glaring, unlit = patches(blown, shape, GLARE), patches(black, shape)
+    found[BRIGHTER][glaring > 0] = 0  # the rim of a glare is not a thing; what shines in the dark may be someone
+    planes = grouped_planes([*found, np.maximum(glaring, unlit), *small_look(look, shape)])
+    return BlendMaps(of, planes, detail_of(look, np.maximum(blown, black)), tone_of(look, found[THINGS]))
 
 
 def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
@@ -138,7 +139,7 @@ def decide(cells: Cells, seen: Seen) -> Lattice:
 
 
 def _log_detail(planes: Planes) -> Lattice:
-    return planes[SHARPNESS] * np.float32(1 / STEPS)
+    return np.asarray(planes[SHARPNESS] * np.float32(1 / STEPS), np.float32)
 
 
 def _less_blurred(sharper: Lattice) -> Lattice:
@@ -149,7 +150,7 @@ def _less_blurred(sharper: Lattice) -> Lattice:
 
 def _lost(planes: Planes, by_detail: Lattice) -> Lattice:
     """What a frame loses (h, w) where its light is clipped, and with it what is due to it for detail there: that is glitter."""
-    return planes[CLIPPED] * np.float32(1 / 255) * (NO_LIGHT + np.maximum(by_detail, 0))
+    return np.asarray(planes[CLIPPED] * np.float32(1 / 255) * (NO_LIGHT + np.maximum(by_detail, 0)), np.float32)
 
 
 def only(one: Planes, other: Planes, reach: slice) -> Lattice:

@@ -151,6 +151,25 @@ def test_a_sun_glint_is_shown_from_the_frame_that_has_it_elsewhere() -> None:
     assert shown_of_it < 0.02 * taken
 
 
+def test_who_shines_in_the_dark_is_a_thing() -> None:
+    night = np.zeros((480, 640, 3), np.uint8)
+    night[200:209, 300:309] = 255
+    assert look_planes(night)[THINGS].max() > 0
+
+
+def test_who_is_dark_on_blown_snow_is_a_thing_and_its_rim_is_none() -> None:
+    snow = np.full((480, 640, 3), 255, np.uint8)
+    snow[:, :200] = 90
+    assert look_planes(snow)[THINGS.start].max() == 0
+    snow[200:209, 400:409] = (60, 60, 60)
+    assert look_planes(snow)[THINGS][:, 45:60, 95:110].max() > 0
+
+
+def look_planes(picture: np.ndarray) -> np.ndarray:
+    """The planes of its look, (k, h, w)."""
+    return np.moveaxis(np.dstack(look_for_seams(picture, (PLAIN, NO_BORDER)).planes), 2, 0)
+
+
 def test_each_place_is_from_one_frame_but_for_a_few_pixels() -> None:
     camera = Camera(640, 480, focal=1.2)
     with TileCompositor(lambda name: None, CompositorSettings(interpolation="linear")) as canvas:
