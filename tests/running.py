@@ -16,7 +16,7 @@ from typing import Any
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameRecord
-from sitl.flight import plan
+from sitl.flight import Flight, plan
 from sitl.messages import Capture
 from sitl.path import Plan
 from sitl.vehicle import Vehicle
@@ -36,6 +36,16 @@ def run(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=LONGEST_WAIT_S, check=False
     )
+
+
+def stitched(flight: Flight, home: Path) -> Path:
+    """The folder of a simulated flight's pictures, stitched; it is in `home`, and so are they."""
+    (home / "pictures").mkdir()
+    for name, data in zip(flight.names, flight.pictures(), strict=True):
+        (home / "pictures" / Path(name).name).write_bytes(data)
+    done = run("stitch", "pictures", "--out", "mosaic", cwd=home)
+    assert done.returncode == 0, done.stderr
+    return home / "mosaic"
 
 
 def until(true: Callable[[], Any], what: str, patience_s: float = LONGEST_WAIT_S) -> Any:

@@ -17,7 +17,6 @@ SILENT = {
     ("cli/streams.py", "open_standard_streams"): (1, "it is closed, which is the answer; there is no log yet"),
     ("app/machine.py", "share_heap"): (1, "another system, which has no such thing"),
     ("web/maps/underlay.py", "numbers_in"): (1, "a folder that cannot be read has no tiles, which is the answer"),
-    ("views/changes.py", "_was_merged"): (1, "a folder that does not tell so was not merged, which is the answer"),
     ("views/taken.py", "captured_at"): (1, "an original that is not there tells nothing, which is the answer"),
     ("frames/directory.py", "FolderWatch._is_old"): (1, "gone, or of a name that is only shown so: it counts as old"),
     ("frames/picture_size.py", "picture_size"): (1, "of what cannot be read nothing is known, which is the answer"),

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from gcs_mosaic.render.counts_range import sample_of
+from gcs_mosaic.render.exposure import is_grey
 from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, PointsNx2
 
 # Lengths in sides of a person unless stated otherwise.
@@ -28,12 +30,13 @@ TAIL = 0.999  # of a picture is less odd than what stands out there by itself
 @dataclass(frozen=True, slots=True)
 class FilteredPicture:
     """`means`: (h, w, 3) L*a*b* averaged over a person's size; `local`: the same less that of the surroundings. `scale`: pixels
-    of it per pixel of the original; `side`: of a person in it, px."""
+    of it per pixel of the original; `side`: of a person in it, px; `is_grey`: it has one band."""
 
     means: FloatImage
     local: FloatImage
     scale: float
     side: int
+    is_grey: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +75,9 @@ def filtered(picture: ImageBGR, side_px: float) -> FilteredPicture:
     lab = np.asarray(cv2.cvtColor(small.astype(np.float32) / np.float32(255), cv2.COLOR_BGR2Lab), np.float32)
     side = int(np.clip(round(side_px * scale), 1, SIDE_PX))
     means = _box(lab, side)
-    return FilteredPicture(means, means - _box(means, SURROUND * side), size[0] / width, side)
+    return FilteredPicture(
+        means, means - _box(means, SURROUND * side), size[0] / width, side, is_grey(sample_of(small))
+    )
 
 
 def statistics(picture: FilteredPicture) -> GroundStatistics:
@@ -85,7 +90,6 @@ def statistics(picture: FilteredPicture) -> GroundStatistics:
         covariances[..., i, j] = covariances[..., j, i] = moments[..., k]
     covariances += np.eye(3) * NOISE**2
     colours = _sampled(_box(picture.means, around), step)
-    chroma = picture.means[:: picture.side, :: picture.side, 1:]
     return GroundStatistics(
         colours=colours,
         covariances=covariances,
@@ -93,7 +97,7 @@ def statistics(picture: FilteredPicture) -> GroundStatistics:
         sunlit=float(np.quantile(colours[..., 0], 0.8)),
         step_px=step / picture.scale,
         width=picture.means.shape[1] / picture.scale,
-        is_grey=bool(np.abs(chroma).max() < 2 * NOISE),
+        is_grey=picture.is_grey,
     )
 
 

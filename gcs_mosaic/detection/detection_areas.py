@@ -18,11 +18,13 @@ ADVICE = "by a model; it clears no ground"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionArea:
-    """Connected ground of a probability from `least` to `most`. `rings`: the outer outline (n, 2) on the canvas, then holes."""
+    """Connected ground of a probability from `least` to `most`. `leaves_unknown`: share of it; `rings`: the outer outline (n, 2)
+    on the canvas, then holes."""
 
     least: float
     most: float
     mean: float
+    leaves_unknown: float
     rings: tuple[PointsNx2, ...]
 
 
@@ -35,7 +37,8 @@ def areas(found: DetectionMap) -> Iterator[DetectionArea]:
         for one in range(1, count):
             inside = labels == one
             rings = tuple(_rings(found, inside))
-            yield DetectionArea(least=least, most=most, mean=float(found.probability[inside].mean()), rings=rings)
+            mean, unknown = float(found.probability[inside].mean()), found.leaves_unknown_in(inside)
+            yield DetectionArea(least=least, most=most, mean=mean, leaves_unknown=unknown, rings=rings)
 
 
 def _rings(found: DetectionMap, cells: Mask) -> Iterator[PointsNx2]:

@@ -35,7 +35,8 @@ SOME_GREY = "Pictures of one band state nothing: how a person stands out in them
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionMap:
     """Of an island at a revision of the map. `probability` (rows, columns): NaN where no frame states anything, 0 in gaps;
-    `flown`: cells that were seen or are gaps, `is_seen`: of those that a frame which states something saw; `measured` of
+    `flown`: cells that were seen or are gaps, `is_seen`: of those that a frame which states something saw, `leaves_known`: of
+    those that two looks tell whether leaves hide (others are taken for as open as they are, or for open); `measured` of
     `frames`; `is_grey`: all measured ones have one band; `troubles`: of frames that state nothing, each once."""
 
     revision: int
@@ -43,6 +44,7 @@ class DetectionMap:
     probability: Array
     flown: Mask
     is_seen: Mask
+    leaves_known: Mask
     frames: int
     measured: int
     is_grey: bool
@@ -57,6 +59,16 @@ class DetectionMap:
     def covered(self) -> float:
         """Share of the flown area of which something is stated."""
         return float(np.isfinite(self.probability[self.flown]).mean()) if self.flown.any() else 0.0
+
+    @property
+    def leaves_unknown(self) -> float:
+        """Share of the ground of which something is stated, but not whether leaves hide it."""
+        return self.leaves_unknown_in(self.flown)
+
+    def leaves_unknown_in(self, cells: Mask) -> float:
+        """As `leaves_unknown`, of some cells; 0 where nothing is stated."""
+        stated = cells & self.is_seen & np.isfinite(self.probability)
+        return float((~self.leaves_known[stated]).mean()) if stated.any() else 0.0
 
     def below(self, least: float) -> Mask:
         """Cells of the flown area where it is less, or nothing is stated."""
@@ -94,7 +106,7 @@ class _Looks:
     def probability(self, fitted: Coefficients) -> Array:
         with np.errstate(invalid="ignore", divide="ignore"):
             is_open = self.open / self.opens
-        usual = float(np.nanmedian(is_open)) if np.isfinite(is_open).any() else 1.0
+        usual = float(np.nanmedian(is_open)) if np.isfinite(is_open).any() else 1.0  # as `leaves_known` tells
         is_open = np.where(np.isfinite(is_open), is_open, usual)
         directions = np.unpackbits(self.directions.view(np.uint8).reshape(*self.directions.shape, 8), axis=-1).sum(-1)
         found = together(self.best, self.missed, fitted) * through_leaves(is_open, directions, fitted)
@@ -110,35 +122,36 @@ def detection_map(
     person: Person,
     side: float,
 ) -> DetectionMap:
-    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person,
-    canvas units."""
+    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person."""
     table = view.table()
     grid = _coarse(whole.grid, footprint_of(table.boxes[table.islands == island]))
     looks = _Looks((grid.rows, grid.columns))
     ours = [index for index, one in enumerate(table.frames) if one.island == island]
-    unstated = np.zeros((grid.rows, grid.columns), np.bool_)
-    known = [found for index in ours if (found := measured.of(table.frames[index])) is not None]
-    for index in ours:
-        found, painted = measured.of(table.frames[index]), view.painted(table.frames[index].number)
+    unstated = np.zeros_like(looks.is_seen)
+    of_frames = [measured.of(table.frames[index]) for index in ours]
+    for index, found in zip(ours, of_frames, strict=True):
+        painted = view.painted(table.frames[index].number)
         if found is not None and found.ground is not None and not found.ground.is_grey and painted is not None:
             _add(looks, grid, table, index, found, painted, person, side)
         elif (cells := cells_of(grid, table.outlines[index])) is not None:
             unstated[cells[0]] |= cells[1]
-    probability = looks.probability(coefficients())
     seen = _resampled(whole.looks > 0, whole.grid, grid)
     bare = _gap_cells(grid, gaps) & ~seen
-    probability[bare] = 0.0
-    grey = [found.ground.is_grey for found in known if found.ground is not None]
+    probability = np.where(bare, 0.0, looks.probability(coefficients()))
+    known = [found for found in of_frames if found is not None]
+    grey = [one.ground.is_grey for one in known if one.ground is not None]
+    troubles = {found.trouble for found in known} | {measured.put_off(table.frames[index]) for index in ours}
     return DetectionMap(
         revision=table.revision,
         grid=grid,
         probability=probability,
         flown=(seen & (looks.is_seen | unstated)) | bare,  # not the rim of cells whose middles no frame saw
         is_seen=looks.is_seen,
+        leaves_known=looks.opens > 0,
         frames=len(ours),
         measured=len(known),
         is_grey=bool(grey) and all(grey),
-        troubles=sorted({found.trouble for found in known if found.trouble} | ({SOME_GREY} if any(grey) else set())),
+        troubles=sorted((troubles - {""}) | ({SOME_GREY} if any(grey) else set())),
     )
 
 

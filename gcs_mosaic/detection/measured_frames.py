@@ -6,6 +6,7 @@ import logging
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from time import monotonic
 from typing import TYPE_CHECKING
 
 import cv2
@@ -19,6 +20,7 @@ from gcs_mosaic.detection.clutter import (
     filtered,
     statistics,
 )
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.exposure import is_false_colour
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR
@@ -36,6 +38,9 @@ PALETTE = "Its colours are a palette: how a person stands out in them is not kno
 TOO_SMALL = "A person would be too small in it to be measured in a picture so large."
 MESH = 12  # columns and rows over which a picture is laid on another
 MOST_FRAMES = 20_000  # measured; 15 KB each
+RETRY_S = 10.0  # until a frame is tried again that a passing trouble kept from being measured
+RETRY_REST = 10.0  # or so many times as long as trying it took, if that is longer
+_Key = tuple[int, str | None]  # a frame's number and content
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +66,8 @@ class MeasuredFrames:
     def __init__(self, view: FlightView, side_units: float) -> None:
         self._view, self._side = view, side_units
         self._lock = threading.Lock()
-        self._known: dict[tuple[int, str | None], MeasuredFrame] = {}
+        self._known: dict[_Key, MeasuredFrame] = {}
+        self._put_off: dict[_Key, tuple[float, str]] = {}  # when to try again, in monotonic seconds, and why
         self._remembered: OrderedDict[int, _Remembered] = OrderedDict()
         self._wanted: frozenset[int] = frozenset()
 
@@ -76,7 +82,11 @@ class MeasuredFrames:
 
     def of(self, frame: PositionRecord) -> MeasuredFrame | None:
         """None while it is not measured."""
-        return self._known.get((frame.number, frame.content_hash))
+        return self._known.get(_key(frame))
+
+    def put_off(self, frame: PositionRecord) -> str:
+        """Why it is not measured yet, but will be tried again; empty if nothing keeps it from being measured."""
+        return self._put_off.get(_key(frame), (0.0, ""))[1]
 
     def waiting(self) -> list[PositionRecord]:
         """The painted frames of wanted islands that are not measured, in the order in which they were taken."""
@@ -84,20 +94,35 @@ class MeasuredFrames:
         return sorted(frames, key=lambda one: (one.island, one.order)) if len(self._known) < MOST_FRAMES else []
 
     def step(self) -> bool:
-        """Measure a frame; False if there is none to be measured."""
+        """Measure a frame; False if there is none to be measured now."""
         with self._lock:
-            frame = next(iter(self.waiting()), None)
+            began = monotonic()
+            due = (one for one in self.waiting() if self._put_off.get(_key(one), (began, ""))[0] <= began)
+            frame = next(due, None)
             if frame is None:
                 return False
             try:
-                found = self._measured(frame)
-            except NoPicture as reason:
-                found = MeasuredFrame(None, None, str(reason))
-            except Exception:  # one frame must not end the measuring of the others
-                logger.exception("frame %d cannot be measured", frame.number)
-                found = MeasuredFrame(None, None, "It could not be measured.")
-            self._known[frame.number, frame.content_hash] = found
+                self._known[_key(frame)] = self._measured_or_why_not(frame)
+                self._put_off.pop(_key(frame), None)
+            except (NoPicture, UsageError) as reason:  # it passes
+                logger.info("frame %d is measured later: %s", frame.number, reason)
+                now = monotonic()
+                self._put_off[_key(frame)] = now + max(RETRY_S, RETRY_REST * (now - began)), str(reason)
             return True
+
+    def _measured_or_why_not(self, frame: PositionRecord) -> MeasuredFrame:
+        """Raises NoPicture for what passes, and UsageError while the ledger cannot be read."""
+        try:
+            return self._measured(frame)
+        except NoPicture as reason:
+            if reason.passing:
+                raise
+            return MeasuredFrame(None, None, str(reason))
+        except UsageError:
+            raise
+        except Exception:  # one frame must not end the measuring of the others
+            logger.exception("frame %d cannot be measured", frame.number)
+            return MeasuredFrame(None, None, "It could not be measured.")
 
     def forget_pictures(self) -> None:
         """Those with which the next ones would be compared: nobody is asking."""
@@ -105,10 +130,12 @@ class MeasuredFrames:
             self._remembered.clear()
 
     def _measured(self, frame: PositionRecord) -> MeasuredFrame:
-        """Raises NoPicture."""
+        """Raises NoPicture and UsageError."""
         record, painted = self._view.frame(frame.number), self._view.painted(frame.number)
-        if record is None or painted is None or not record.width:
-            raise NoPicture("It is not on the map any more.")
+        if record is None or painted is None:
+            raise NoPicture("It is not on the map any more.", passing=True)  # nor in the next table
+        if not record.width:
+            raise NoPicture(f"The original of {record.name} is not kept.")
         per_painted = record.width / painted.camera.width
         side_px = self._side / np.exp(painted.pose.log_gsd) * per_painted
         scale = analysed_scale(record.width, record.height or 0, side_px)
@@ -140,6 +167,10 @@ class MeasuredFrames:
             told = disagreement(own.picture, other.picture, _laid_on(own, other), step)
             found = told if found is None else np.where(np.isfinite(found), found, told)
         return found
+
+
+def _key(frame: PositionRecord) -> _Key:
+    return frame.number, frame.content_hash
 
 
 def _thumbnail(picture: ImageBGR) -> ImageBGR:

@@ -14,7 +14,7 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.export.earth_map import EarthMap
 from gcs_mosaic.export.earth_raster import Bandwise
-from gcs_mosaic.export.multiband_tiff import bands_of, left_out
+from gcs_mosaic.export.multiband_tiff import bands_of, left_out, unit_of
 from gcs_mosaic.export.rebuild import RebuildSource, RebuiltTiles, rebuilt, source_of
 from gcs_mosaic.geotiles.canvas_tiles import touches
 from gcs_mosaic.geotiles.earth_islands import EarthIsland
@@ -24,7 +24,6 @@ from gcs_mosaic.geotiles.warp import warped, windows
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.stitch.arrays import AnyImage, FloatImage
 from gcs_mosaic.views.hole_filling import filled_picture
-from gcs_mosaic.views.thermal_scale import common_unit
 
 KEPT = 48  # filled tiles in memory: 2 MB each with eight bands
 FULL = 255  # coverage of what was seen wholly
@@ -45,8 +44,8 @@ def painted_again(found: EarthMap, target: Path, *, gains: bool) -> Iterator[Ban
             for number, source in sources.items()
         }
         told = "".join(left_out(source) for source in sources.values())
-        unit = common_unit(found.view, list(sources))
-        yield Bandwise(_Drawing(found, islands, bands, kind).draw, bands, kind, told, unit)
+        unit, no_degrees = unit_of(found.view, list(sources), gains=gains)
+        yield Bandwise(_Drawing(found, islands, bands, kind).draw, bands, kind, told + no_degrees, unit)
 
 
 class _Drawing:

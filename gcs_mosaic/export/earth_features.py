@@ -112,6 +112,7 @@ def _detection(found: EarthMap, island: EarthIsland, person: Person) -> Iterator
         error = _error(island, *one.rings[0].mean(axis=0))
         told = {"is": "probability", "island": island.id, "posture": person.posture, "clothes": person.clothes}
         told |= {"from": one.least, "to": one.most, "mean": round(one.mean, 2), "error_m": error, "advice": ADVICE}
+        told |= {"leaves_unknown": round(one.leaves_unknown, 2)}
         yield _feature("Polygon", [rings[0], *(ring[::-1] for ring in rings[1:])], told)
 
 

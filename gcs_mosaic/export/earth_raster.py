@@ -49,7 +49,7 @@ class Bandwise:
     draw: Draw
     bands: int
     kind: np.dtype[Any]
-    told: str = ""  # of frames that were left out
+    told: str = ""  # of frames that were left out, and of units
     unit: CountUnit | None = None  # of the first band
 
 

@@ -6,6 +6,7 @@ their seams are those of the tiles.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def export_tiff(
     folder = find_flight(flight)
     source = source_of(folder, chosen_island(folder, island)["id"])
     bands, kind = bands_of(source)
-    unit = common_unit(FlightView(folder), [source.frames[0].island])
+    unit, no_degrees = unit_of(FlightView(folder), [source.frames[0].island], gains=gains)
     with (
         whole_file(target) as beside,
         rebuilt(source, "gained" if gains else "raw", target.resolve().parent) as tiles,
@@ -48,6 +49,7 @@ def export_tiff(
         f"island {tiles.island} at level {zoom}, {region.width} x {region.height} pixels, {bands} "
         f"{'band' if bands == 1 else 'bands'} of {8 * kind.itemsize} bits and transparency, "
         f"{unit_words(unit)}{'with gains' if gains else 'without gains'}, written to {target}{finer}{left_out(source)}"
+        f"{no_degrees}"
     )
 
 
@@ -67,6 +69,15 @@ def bands_of(source: RebuildSource) -> tuple[int, np.dtype[Any]]:
     if image is None:
         raise UsageError(f"the original of {source.frames[0].name} cannot be read any more.")
     return image.shape[2], image.dtype
+
+
+def unit_of(view: FlightView, islands: Sequence[int], *, gains: bool) -> tuple[CountUnit | None, str]:
+    """What a file of these islands' counts may call them, and the end of a message if gains have taken their unit: they multiply
+    a frame's counts, and degrees do not follow. Raises UsageError."""
+    unit = common_unit(view, islands)
+    if unit is None or not gains:
+        return unit, ""
+    return None, "; with gains counts are no degrees: --no-gains writes those that the camera tells"
 
 
 def unit_words(unit: CountUnit | None) -> str:

@@ -198,7 +198,9 @@ def _improbable(found: DetectionMap | None, least: float, footprint: float) -> l
 
 def _nothing(wish: MissionWish) -> str:
     if wish.below is not None:
-        return f"inside the flown area that person would have been seen with {wish.below:.0%} everywhere"
+        return (
+            f"by the model no patch of the flown area is below {wish.below:.0%} for that person, which clears no ground"
+        )
     if wish.looks == 1 and wish.gsd_m is None:
         return "inside the flown area there is no gap"
     coarse = "" if wish.gsd_m is None else f" and none coarser than {wish.gsd_m:g} m a pixel"

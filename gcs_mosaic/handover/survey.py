@@ -9,10 +9,9 @@ from statistics import median
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.store.folder import LEDGER_NAME
-from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import PositionRecord
 from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.views.focal_lengths import focal_deviation
 
 # Of the log of the focal length: the height is as uncertain. Within ± 20 % (95 %) the overlap of a mission still holds: of 60 %
 # at a footprint smaller by a fifth a half is left.
@@ -68,7 +67,7 @@ def survey_of(view: FlightView, island: int, metres_per_unit: float) -> IslandSu
         side_m=side,
         overlap=_overlap(frames, side / metres_per_unit),
         height_m=median(gsd[one.name] * one.camera.focal_px for one in frames),
-        height_deviation=_focal_deviation(view, {one.name for one in frames}),
+        height_deviation=focal_deviation(view, {one.name for one in frames}),
     )
 
 
@@ -80,11 +79,3 @@ def _overlap(frames: list[PositionRecord], side: float) -> float:
         places = np.array([(one.pose.x, one.pose.y) for one in flown])
         ways += np.hypot(*np.diff(places, axis=0).T).tolist()
     return float(np.clip(1 - median(ways) / side, LEAST_OVERLAP, MOST_OVERLAP)) if ways else LEAST_OVERLAP
-
-
-def _focal_deviation(view: FlightView, names: set[str]) -> float | None:
-    """The median stated deviation of the frames' lenses; None if any usual one was not estimated."""
-    with Ledger(view.root / LEDGER_NAME, read_only=True) as ledger:
-        told = [one.focal_log_deviation for one in ledger.estimates() if one.name in names]
-    usual = median([math.inf if one is None else one for one in told] or [math.inf])
-    return None if math.isinf(usual) else usual

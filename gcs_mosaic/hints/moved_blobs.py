@@ -14,15 +14,14 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.arrays import FloatImage, FloatPlanes, Mask
+from gcs_mosaic.views.even_light import beyond, usual_deviation
 
-MISPLACED = 2  # cells that two looks may lie apart
 AROUND = 16.0  # cells, as of `views.even_light.flattened`: a vehicle is shorter
 LEAST_CONTRAST = 0.1  # in logarithms, a tenth brighter or darker than all other looks
 NOISES = 4.0  # times the usual difference of two looks, where that is more
 LEAST_CELLS, MOST_CELLS = 3, 900  # of a thing: a person of two cells; a lorry
 MOST_BLOBS = 60  # of a frame, the strongest
 LEAST_OTHERS = 2  # with one other alone nobody can tell which of the two shows the thing
-FAR = 1e3  # in logarithms: more than any contrast
 SAMPLE = 101  # every so manieth cell tells the usual difference
 
 
@@ -50,33 +49,23 @@ def moved_in(own: FloatImage, others: Sequence[FloatImage]) -> list[MovedBlob]:
     judged = np.isfinite(own) & (np.isfinite(stack).sum(axis=0) >= LEAST_OTHERS)
     if not judged.any():
         return []
-    low, high = _envelope(stack)
-    own = np.where(judged, own, 0).astype(np.float32)
-    beyond = np.maximum(own - high, 0) - np.maximum(low - own, 0)
-    beyond[~judged] = 0
-    strong = np.abs(beyond) > max(LEAST_CONTRAST, NOISES * _usual_difference(own, stack, judged))
+    apart = beyond(own, others)
+    apart[~judged] = 0
+    strong = np.abs(apart) > max(LEAST_CONTRAST, NOISES * _usual_difference(own, stack, judged))
     count, labels, facts, middles = cv2.connectedComponentsWithStats(strong.astype(np.uint8), connectivity=8)
     found = []
     for label in range(1, count):
         left, top, width, height, cells = facts[label].tolist()
         if LEAST_CELLS <= cells <= MOST_CELLS:
             box = np.s_[top : top + height, left : left + width]
-            contrast = float(beyond[box][labels[box] == label].mean())
+            contrast = float(apart[box][labels[box] == label].mean())
             column, row = middles[label].tolist()
             found.append(MovedBlob(column, row, cells, contrast))
     return sorted(found, key=lambda one: -abs(one.contrast) * one.cells)[:MOST_BLOBS]
 
 
-def _envelope(stack: FloatPlanes) -> tuple[FloatImage, FloatImage]:
-    """The least and the greatest that any look (n, h, w) shows within MISPLACED cells."""
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * MISPLACED + 1,) * 2)
-    low = [cv2.erode(np.nan_to_num(one, nan=FAR), disc) for one in stack]
-    high = [cv2.dilate(np.nan_to_num(one, nan=-FAR), disc) for one in stack]
-    return np.asarray(np.min(low, axis=0), np.float32), np.asarray(np.max(high, axis=0), np.float32)
-
-
 def _usual_difference(own: FloatImage, stack: FloatPlanes, judged: Mask) -> float:
     """Robust standard deviation of a look less the middle of the others."""
     rows, columns = (where[::SAMPLE] for where in np.nonzero(judged))
-    apart = own[rows, columns] - np.nanmedian(stack[:, rows, columns], axis=0)
-    return 1.4826 * float(np.median(np.abs(apart)))
+    apart = np.asarray(own[rows, columns] - np.nanmedian(stack[:, rows, columns], axis=0), np.float32)
+    return usual_deviation(apart)

@@ -17,9 +17,12 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.moved_blobs import AROUND, moved_in
 from gcs_mosaic.hints.mover_tracks import SeenBlob, tracks_of
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Array, FloatImage, PointsNx2
+from gcs_mosaic.views.coverage import Grid
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of, places_of
-from gcs_mosaic.views.ground_window import CanvasWindow, OnGround, flat_picture, laid
+from gcs_mosaic.views.ground_window import OnGround, flat_picture, laid
+from gcs_mosaic.views.pictures import NoPicture
 
 logger = logging.getLogger(__name__)
 
@@ -31,7 +34,13 @@ FINEST = 2.0  # pixels of the frame that a cell is wide at least: what is compar
 KEPT_PICTURES = 2 * BESIDE + 2  # of half a megapixel each, float32
 WORK_S = 1.0  # for each question; a frame that was begun is finished
 REST = 20.0  # tracks are linked again after so many times as much as linking them cost of a core: 5 % of it
+RETRY_S = (
+    10.0  # until a frame is tried again that a passing trouble kept from being searched; longer if trying takes long
+)
 KEPT_ISLANDS = 4  # whose tracks are remembered
+
+
+Picture = tuple[int, str | None]  # a frame's number, and what tells its content from another's
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +64,12 @@ class _Told:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """What one frame alone shows: pixels (n, 2) of it as it is painted, sizes in canvas units, contrasts.
+    """What one frame alone shows: pixels (n, 2) of it as it is painted, sizes in such pixels, contrasts.
 
     `beside`: whom it was compared with.
     """
 
-    beside: tuple[int, ...]
+    beside: tuple[Picture, ...]
     pixels: PointsNx2
     per_pixel: float  # pixels of the original for each of these
     sizes: Array
@@ -73,9 +82,10 @@ class MoverSearch:
     def __init__(self, view: FlightView) -> None:
         self._view = view
         self._lock = threading.Lock()
-        self._found: dict[int, _Found] = {}  # by the number of the frame
+        self._found: dict[Picture, _Found] = {}
         self._searched = 0  # frames, some of them again
-        self._flat: OrderedDict[int, FloatImage] = OrderedDict()
+        self._again: dict[Picture, float] = {}  # when to try them again, in monotonic seconds
+        self._flat: OrderedDict[Picture, FloatImage] = OrderedDict()
         self._telling = threading.Lock()
         self._answers: OrderedDict[int, _Told] = OrderedDict()  # by island
 
@@ -106,41 +116,60 @@ class MoverSearch:
         return known.movers
 
     def _work(self, table: FrameTable, series: Sequence[list[int]], end: float) -> None:
+        if len(self._found) > len(table.frames):
+            there = {_picture_of(table, index) for index in range(len(table.frames))}
+            self._found = {picture: found for picture, found in self._found.items() if picture in there}
         for indices in series:
             for at, index in enumerate(indices):
-                number = table.frames[index].number
-                beside = [other for other in indices[max(0, at - BESIDE) : at + BESIDE + 1] if other != index]
-                numbers = tuple(table.frames[other].number for other in beside)
-                known = self._found.get(number)
-                if known is not None and known.beside == numbers:
+                picture = _picture_of(table, index)
+                near = [other for other in indices[max(0, at - BESIDE) : at + BESIDE + 1] if other != index]
+                beside = tuple(_picture_of(table, other) for other in near)
+                known = self._found.get(picture)
+                if known is not None and known.beside == beside:
                     continue
-                if time.monotonic() >= end:
+                begun = time.monotonic()
+                if begun >= end:
                     return
-                self._found[number] = self._searched_or_nothing(table, index, numbers)
-                self._searched += 1
+                if begun >= self._again.get(picture, begun):
+                    self._try(table, index, beside)
 
-    def _searched_or_nothing(self, table: FrameTable, index: int, beside: tuple[int, ...]) -> _Found:
+    def _try(self, table: FrameTable, index: int, beside: tuple[Picture, ...]) -> None:
+        """Search a frame; one that cannot be for now, or not beside those, counts as not searched until it was."""
+        picture, begun = _picture_of(table, index), time.monotonic()
+        try:
+            self._found[picture] = self._searched_or_nothing(table, index, beside)
+        except NoPicture as reason:
+            logger.info("frame %d is searched later for what moves: %s", picture[0], reason)
+            now = time.monotonic()
+            self._again[picture] = now + max(RETRY_S, REST * (now - begun))
+        else:
+            self._again.pop(picture, None)
+            self._searched += 1
+
+    def _searched_or_nothing(self, table: FrameTable, index: int, beside: tuple[Picture, ...]) -> _Found:
         """A frame that cannot be searched is not tried with each question, and does not keep the others from being searched.
-        Raises UsageError while the flight's ledger cannot be read, which is no fault of the frame."""
+        Raises UsageError while the flight's ledger cannot be read, which is no fault of the frame, and NoPicture for what
+        passes."""
         try:
             return self._search(table, index, beside)
-        except UsageError:
+        except (UsageError, NoPicture):
             raise
         except Exception:
             logger.exception("frame %s cannot be searched for what moves", table.frames[index].number)
             return _nothing(beside)
 
-    def _search(self, table: FrameTable, index: int, beside: tuple[int, ...]) -> _Found:
-        number = table.frames[index].number
+    def _search(self, table: FrameTable, index: int, beside: tuple[Picture, ...]) -> _Found:
+        own_picture = _picture_of(table, index)
+        number = own_picture[0]
         lies = self._lying(number)
         window = _window_of(table, index)
-        own = None if lies is None or window is None else self._look(number, lies, window)
+        own = None if lies is None or window is None else self._look(own_picture, lies, window)
         if lies is None or window is None or own is None:
             return _nothing(beside)
         others = [
             look
             for other in beside
-            if (lying := self._lying(other)) is not None and (look := self._look(other, lying, window)) is not None
+            if (lying := self._lying(other[0])) is not None and (look := self._look(other, lying, window)) is not None
         ]
         blobs = moved_in(own, others)
         places = np.array([window.place_of(one.column, one.row) for one in blobs]).reshape(-1, 2)
@@ -150,7 +179,7 @@ class MoverSearch:
             (record.width / lies.painted.camera.width)
             if (record := self._view.frame(number)) and record.width
             else 1.0,
-            np.array([one.size * window.cell for one in blobs]),
+            np.array([one.size * window.cell for one in blobs]) / _nominal_gsd(lies.painted),
             np.array([one.contrast for one in blobs]),
         )
 
@@ -158,25 +187,25 @@ class MoverSearch:
         painted = self._view.painted(number)
         return None if painted is None else OnGround(painted)
 
-    def _look(self, number: int, lies: OnGround, window: CanvasWindow) -> FloatImage | None:
-        flat = self._picture(number, lies, window)
+    def _look(self, of: Picture, lies: OnGround, window: Grid) -> FloatImage | None:
+        flat = self._picture(of, lies, window)
         if flat is None:
             return None
         shown, seen = laid(lies, flat[..., None], window)
         return np.where(seen, shown[..., 0], np.float32(np.nan)) if seen.any() else None
 
-    def _picture(self, number: int, lies: OnGround, window: CanvasWindow) -> FloatImage | None:
+    def _picture(self, of: Picture, lies: OnGround, window: Grid) -> FloatImage | None:
         """A frame `flattened`, about as fine as the window's cells; None if its original cannot be shown."""
-        if number in self._flat:
-            self._flat.move_to_end(number)
-            return self._flat[number]
-        flat = flat_picture(self._view, number, lies, window, AROUND)
+        if of in self._flat:
+            self._flat.move_to_end(of)
+            return self._flat[of]
+        flat = flat_picture(self._view, of[0], lies, window, AROUND)
         if flat is None:
             return None
-        self._flat[number] = flat
+        self._flat[of] = flat
         while len(self._flat) > KEPT_PICTURES:
             self._flat.popitem(last=False)
-        return self._flat[number]
+        return self._flat[of]
 
     def _told(self, table: FrameTable, series: Sequence[list[int]]) -> Movers:
         taken, tracks, searched = self._view.taken(table), list[list[SeenBlob]](), 0
@@ -185,7 +214,7 @@ class MoverSearch:
             is_even = len(times) > 1 and bool(np.isfinite(times).all()) and bool((np.diff(times) > 0).all())
             seen = list[SeenBlob]()
             for turn, index in enumerate(indices):
-                found = self._found.get(table.frames[index].number)
+                found = self._found.get(_picture_of(table, index))
                 searched += found is not None
                 if found is not None:
                     seen += self._seen(table.frames[index].number, found, turn, times[turn] if is_even else turn)
@@ -199,7 +228,8 @@ class MoverSearch:
             return []
         places = places_of(painted, found.pixels)
         originals = (found.pixels + 0.5) * found.per_pixel - 0.5
-        every = zip(places.tolist(), originals.tolist(), found.sizes.tolist(), found.contrasts.tolist(), strict=True)
+        sizes = found.sizes * _nominal_gsd(painted)
+        every = zip(places.tolist(), originals.tolist(), sizes.tolist(), found.contrasts.tolist(), strict=True)
         return [
             SeenBlob(turn, float(at), x, y, size, contrast, number, (px, py))
             for (x, y), (px, py), size, contrast in every
@@ -207,7 +237,16 @@ class MoverSearch:
         ]
 
 
-def _nothing(beside: tuple[int, ...]) -> _Found:
+def _picture_of(table: FrameTable, index: int) -> Picture:
+    return table.frames[index].number, table.frames[index].content_hash
+
+
+def _nominal_gsd(painted: RenderItem) -> float:
+    """Canvas units per pixel below the camera, which an island that joins another changes."""
+    return float(np.exp(painted.pose.log_gsd))
+
+
+def _nothing(beside: tuple[Picture, ...]) -> _Found:
     return _Found(beside, np.empty((0, 2)), 1.0, np.empty(0), np.empty(0))
 
 
@@ -221,10 +260,10 @@ def _series(table: FrameTable, island: int) -> list[list[int]]:
     ]
 
 
-def _window_of(table: FrameTable, index: int) -> CanvasWindow | None:
+def _window_of(table: FrameTable, index: int) -> Grid | None:
     left, top, right, bottom = table.boxes[index].tolist()
     one, longer = table.frames[index], max(right - left, bottom - top)
     if not np.isfinite(longer) or longer <= 0:
         return None
     cell = max(FINEST * float(np.exp(one.pose.log_gsd)), longer / LONGER_SIDE)
-    return CanvasWindow(left, top, cell, max(1, int((right - left) / cell)), max(1, int((bottom - top) / cell)))
+    return Grid(left, top, cell, max(1, int((right - left) / cell)), max(1, int((bottom - top) / cell)))

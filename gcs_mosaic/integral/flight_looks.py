@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -14,6 +15,8 @@ from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
 from gcs_mosaic.integral.relief_plane import plane_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
 from gcs_mosaic.integral.why_not import nobody_sees, too_few
+from gcs_mosaic.render.counts_range import sample_of
+from gcs_mosaic.render.exposure import is_grey
 from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
@@ -26,40 +29,48 @@ from gcs_mosaic.views.pictures import REDUCTIONS
 # below it; above half of the way to the camera nothing is sought.
 LOWEST, HIGHEST = -0.4, 0.5
 MOST_LOOKS = 100  # in memory: 100 of 400 x 400 px in colour are 200 MB
-GREY = 3.0  # levels between the bands of a grey picture
 RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 
+Some = TypeVar("Some")
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
 
 
 @dataclass(frozen=True, slots=True)
 class FlightLooks:
-    """Looks in order of arrival. `lost`: frames that saw the window, but whose originals cannot be read; `left_out`: of more than
-    wanted."""
+    """Looks in order of arrival, at a revision of the map. `lost`: frames that saw the window, but whose originals cannot be
+    read; `left_out`: of more than wanted."""
 
+    revision: int
     looks: Sequence[GroundLook]
     lost: Sequence[str]
     left_out: int
 
 
 def looks_at(view: FlightView, island: int, window: GroundWindow, most: int = MOST_LOOKS) -> FlightLooks:
-    """All painted frames that see a window's middle, on the ground. Raises UsageError where no two of them can be read."""
+    """All painted frames that see a window's middle, on the ground; of more than wanted those evenly spaced in order of arrival.
+    Raises UsageError where no two of them can be read."""
     table = view.table()
     point = (window.x, window.y, window.x, window.y)
     near = [table.frames[index].number for index in table.near(island, point)]
     painted = [(number, one) for number in near if (one := view.painted(number)) is not None and _sees(one, window)]
     if not painted:
         raise UsageError(nobody_sees(island, window.x, window.y))
-    step = -(-len(painted) // most)
     looks, lost = list[GroundLook](), list[str]()
-    for number, one in painted[::step]:
+    for number, one in spread(painted, most):
         look = _look(view, number, one, window)
         lost.append(one.name) if look is None else looks.append(look)
     if len({one.image.shape[2] for one in looks}) > 1:
         looks = [_as_grey(one) for one in looks]
     if len(looks) < 2:
         raise UsageError(too_few(len(painted), lost))
-    return FlightLooks(looks, lost, len(painted) - len(painted[::step]))
+    return FlightLooks(table.revision, looks, lost, max(0, len(painted) - most))
+
+
+def spread(some: Sequence[Some], most: int) -> list[Some]:
+    """All, or so many of them, as evenly spaced as can be, from the first to the last."""
+    if len(some) <= most:
+        return list(some)
+    return [some[at] for at in np.linspace(0, len(some) - 1, most).round().astype(int).tolist()]
 
 
 def _as_grey(look: GroundLook) -> GroundLook:
@@ -115,18 +126,18 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     left, top, right, bottom = _box(painted, image, window, reduction)
     low, high = np.array([left, top]) * reduction, np.array([right, bottom]) * reduction
     levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
-    is_grey = _is_grey(levels)
     levels = levels * np.asarray(painted.gain, np.float32)
     x, y = (np.arange(*ends, dtype=np.float32) for ends in ((left, right), (top, bottom)))
     pixels = np.stack(np.meshgrid((x + 0.5) * reduction - 0.5, (y + 0.5) * reduction - 0.5), axis=-1)
     bright = brightening_of(painted, pixels)
     if bright is not None:
         levels = levels * bright
+    one_band = is_grey(painted.display.levels(sample_of(image)))  # of the whole: a window may show tarmac alone
     return GroundLook(
         name=painted.name,
         pose=painted.pose,
         camera=painted.camera,
-        image=np.ascontiguousarray(levels[..., : 1 if is_grey else None], np.float32),
+        image=np.ascontiguousarray(levels[..., : 1 if one_band else None], np.float32),
         relief=plane_of(painted.relief, painted.camera, low, high),
         left=left * reduction,
         top=top * reduction,
@@ -134,11 +145,6 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
         dead=painted.dead,
         still=painted.still,
     )
-
-
-def _is_grey(levels: FloatImage) -> bool:
-    """Whether all bands (h, w, bands) show the same, as a thermal camera's JPEGs do; compression leaves a level or two."""
-    return levels.shape[2] == 3 and all(float(np.abs(levels[..., 0] - levels[..., k]).max()) <= GREY for k in (1, 2))
 
 
 def _box(painted: RenderItem, image: FloatImage | Bands, window: GroundWindow, reduction: float) -> PixelBox:

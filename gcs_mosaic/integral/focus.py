@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.integral.aperture import SyntheticAperture
-from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST
+from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, spread
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow, LookStack, laid_together
 from gcs_mosaic.stitch.arrays import Array, FloatImage, Mask
 
@@ -57,7 +57,7 @@ def ground_focus(
 ) -> Focus:
     """Seek it about a window's middle. Where it is not known: the lower end of what agrees; the map's ground if nothing does."""
     coarse = GroundWindow(window.x, window.y, window.side, min(CELLS, window.cells))
-    some = [_coarser(one, coarse.cell / window.cell) for one in looks[:: -(-len(looks) // MOST_LOOKS)]]
+    some = [_coarser(one, coarse.cell / window.cell) for one in spread(looks, MOST_LOOKS)]
     heights = _heights(coarse, aperture)
     if len(some) < LEAST_LOOKS:
         return Focus(height=0.0, known=False, agreement=1.0, heights=heights, curve=np.ones(len(heights)))

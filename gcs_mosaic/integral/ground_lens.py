@@ -18,6 +18,7 @@ from gcs_mosaic.integral.why_not import apart, beyond
 from gcs_mosaic.stitch.arrays import Vector2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
+from gcs_mosaic.views.focal_lengths import focal_deviation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,10 +26,14 @@ class GroundLens:
     """The looks at a window of an island. Heights are shares of the flying height, above the map's ground: what images tell of
     heights does not depend on the focal length then."""
 
+    revision: int  # of the map when it was opened
     window: GroundWindow
     looks: Sequence[GroundLook]
     lost: Sequence[str]  # frames whose originals cannot be read
     left_out: int  # looks beyond those that are kept in memory
+    focal_deviation: float | None = (
+        None  # of the log of the focal length, by which heights are in canvas units; None: not known
+    )
 
     @property
     def middle(self) -> Vector2:
@@ -83,7 +88,8 @@ def ground_lens(
     cell = _usual_cell(view, island, place) if side is None else side / cells
     window = GroundWindow(x, y, cell * cells, cells)
     found = looks_at(view, island, window, most)
-    return GroundLens(window, found.looks, found.lost, found.left_out)
+    deviation = focal_deviation(view, {one.name for one in found.looks})
+    return GroundLens(found.revision, window, found.looks, found.lost, found.left_out, deviation)
 
 
 def _usual_cell(view: FlightView, island: int, place: tuple[float, float]) -> float:

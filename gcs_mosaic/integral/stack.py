@@ -9,16 +9,12 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.integral.focal_plane import pixels_at
+from gcs_mosaic.render.dense_places import STEP, between_steps, sampled
 from gcs_mosaic.stitch.arrays import FloatImage, Lattice, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.camera.still_mask import StillMask
-
-STEP = (
-    16  # cells between places that are projected exactly, as on tiles (`render.warp_grid`: an error of 0.1 px at most)
-)
-NOWHERE = -1e4  # px; outside of every picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +91,7 @@ def laid(look: GroundLook, window: GroundWindow, height: float) -> FloatImage | 
     seen = _seen(look, at)
     if not seen.any():
         return None
-    cv2.patchNaNs(at, NOWHERE)
-    found = cv2.remap(look.image, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
-    values = np.asarray(found, np.float32).reshape(window.cells, window.cells, -1)
+    values = np.asarray(sampled(look.image, at), np.float32)
     if not seen.all():
         values[~seen] = np.nan
     return values
@@ -107,10 +101,8 @@ def _places(look: GroundLook, window: GroundWindow, height: float) -> Lattice:
     """Pixels (cells, cells, 2) of the look's image at the window's pixels; NaN where its lens cannot see them."""
     places, count = window.lattice()
     pixels = pixels_at(look.pose, look.camera, look.relief, places, height)
-    exact = ((pixels + 0.5 - [look.left, look.top]) / look.reduction - 0.5).astype(np.float32).reshape(count, count, 2)
-    size = count * STEP  # resizing puts a value at the middle of its block, so half a block is beyond the rim
-    wide = cv2.resize(exact, (size, size), interpolation=cv2.INTER_LINEAR)
-    return np.ascontiguousarray(wide[STEP // 2 :, STEP // 2 :][: window.cells, : window.cells], np.float32)
+    exact = ((pixels + 0.5 - [look.left, look.top]) / look.reduction - 0.5).reshape(count, count, 2)
+    return between_steps(exact, window.cells, window.cells)
 
 
 def _seen(look: GroundLook, at: Lattice) -> Mask:

@@ -20,8 +20,8 @@ from gcs_mosaic.render.exposure import (
     seen_from,
 )
 from gcs_mosaic.render.light_field import LightBeside, LightField, at_places, lacking, nodes, shown_part
-from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.render.vignetting import Vignetting, log_brightness, radii
+from gcs_mosaic.render.render_list import RenderItem, log_compensation
+from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.stitch.arrays import AnyArray, Bands, FloatRows, Levels, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
 
@@ -167,16 +167,8 @@ def _beside(
     light field that it has."""
     rows = light.rows
     weight, there, brighter = rows[:, :1], rows[:, 1:3], rows[:, 3:]
-    brighter = brighter + _compensation(other, there) - _compensation(one, nodes())
+    brighter = brighter + log_compensation(other, there) - log_compensation(one, nodes())
     return weight, brighter + at_places(other.light, there) if shown else brighter
-
-
-def _compensation(painted: RenderItem, places: FloatRows) -> AnyArray:
-    """What gain and vignetting add to the log brightness (n, bands) at places (n, 2), fractions of the frame's size."""
-    width, height = painted.camera.width, painted.camera.height
-    pixels = places.astype(np.float64) * [width, height] - 0.5
-    fall = log_brightness(painted.vignetting, radii(pixels, width, height))
-    return np.asarray(np.log(np.array(painted.gain)) - fall, np.float32)
 
 
 def _aspect(painted: RenderItem) -> float:

@@ -27,6 +27,9 @@ Gain = tuple[float, ...]  # one per band
 # Colours of a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 48 and 28.
 PALETTE_SATURATION = 75  # median of highest minus lowest channel
 PALETTE_SPREAD = 40  # RMS distance from the mean of all that is not grey: ground has one hue, a palette several
+# Of a grey picture all but so many pixels have their highest and lowest channel within so many levels: compression leaves a level
+# or two, and a crosshair, a logo or a bar of colours in it takes less than a hundredth.
+GREY_SHARE, GREY_LEVELS = 0.99, 3.0
 DARKEST, BRIGHTEST = 8, 247  # grey levels; beyond them a channel may be clipped and is ignored
 # Grey levels: what a factor above 1 brings beyond the first is rolled off so that this white stays what it is.
 SHOULDER, WHITE = 200.0, 250.0
@@ -161,7 +164,16 @@ def is_false_colour(small: Levels) -> bool:
     colours = small.reshape(-1, 3).astype(np.float64)
     hue = colours - colours.mean(axis=1, keepdims=True)
     spread = float(np.sqrt(hue.var(axis=0).sum()))
-    return float(np.median(np.ptp(colours, axis=1))) > PALETTE_SATURATION and spread > PALETTE_SPREAD
+    return bool(np.median(np.ptp(colours, axis=1)) > PALETTE_SATURATION and spread > PALETTE_SPREAD)
+
+
+def is_grey(some: Levels) -> bool:
+    """Whether a sample of a picture (h, w, bands) in grey levels is of one band, or of three that show the same, as those of a
+    thermal camera's JPEGs do."""
+    if some.shape[2] != 3:
+        return bool(some.shape[2] == 1)
+    apart = some.max(axis=2).astype(np.float32) - some.min(axis=2)
+    return bool(np.quantile(apart, GREY_SHARE) <= GREY_LEVELS)
 
 
 def apply_gain(image: ImageBGR, gain: Gain) -> ImageBGR:

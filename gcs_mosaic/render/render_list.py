@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs_mosaic.render.display import PLAIN, Display
-from gcs_mosaic.render.light_field import LightField, apart
+from gcs_mosaic.render.light_field import LightField, apart, at_places
 from gcs_mosaic.render.tile_grid import Box, Tile, ancestor, join, tile_box
-from gcs_mosaic.render.vignetting import FLAT, OUTWARDS, Vignetting, log_brightness
+from gcs_mosaic.render.vignetting import FLAT, OUTWARDS, Vignetting, log_brightness, radii
+from gcs_mosaic.stitch.arrays import FloatRows
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
@@ -56,6 +57,19 @@ def brightness_apart(one: RenderItem, other: RenderItem) -> float:
     gains = np.log(np.array(one.gain) / np.array(other.gain))
     falls = log_brightness(other.vignetting, OUTWARDS) - log_brightness(one.vignetting, OUTWARDS)
     return float(np.abs(gains + falls).max()) + apart(one.light, other.light)
+
+
+def log_compensation(painted: RenderItem, places: FloatRows) -> FloatRows:
+    """What gain and vignetting add to the log brightness (n, bands) at places (n, 2), fractions of the frame's size."""
+    width, height = painted.camera.width, painted.camera.height
+    pixels = places.astype(np.float64) * [width, height] - 0.5
+    fall = log_brightness(painted.vignetting, radii(pixels, width, height))
+    return np.asarray(np.log(np.array(painted.gain)) - fall, np.float32)
+
+
+def log_tones(painted: RenderItem, places: FloatRows) -> FloatRows:
+    """As `log_compensation`, with the light field: all that a frame's levels are changed by before they are painted."""
+    return np.asarray(log_compensation(painted, places) + at_places(painted.light, places), np.float32)
 
 
 class Extent(NamedTuple):

@@ -15,7 +15,6 @@ from dataclasses import asdict
 
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, RecordedPosition, TriggerEvent
 from gcs_mosaic.render.compositor import CompositorSettings
-from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.stitch.graph.placement import Homography
@@ -43,13 +42,11 @@ from gcs_mosaic.store.rows import (
     SUPPORT_COLUMNS,
     camera_row,
     covered_of,
-    display_of,
     estimate_of,
     event_record_of,
     event_row,
     flight_of,
     frame_record_of,
-    gain_of,
     homography_row,
     look_row,
     name_of,
@@ -322,11 +319,6 @@ class Ledger(LedgerFile):
         """Every frame painted on an island, in painting order."""
         rows = self.rows(placed_in("painted", '"order", frames.id', "WHERE painted.island = ?"), island)
         return self.made(painted_of, rows)
-
-    def displays(self, island: int) -> list[tuple[str, Display, tuple[float, ...]]]:
-        """How every frame painted on an island is displayed: its name, its display and its gains."""
-        query = "SELECT painted.*, frames.name FROM painted JOIN frames ON frames.id = painted.frame WHERE island = ?"
-        return self.made(lambda row: (name_of(row), display_of(row), gain_of(row)), self.rows(query, island))
 
     def positions(self, make: Callable[[sqlite3.Row], PositionRecord] = position_record_of) -> list[PositionRecord]:
         """Every painted frame and how it lies, without relief and looks, in order of arrival. Quick: 100,000 take a second.

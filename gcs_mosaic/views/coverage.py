@@ -40,9 +40,29 @@ class Grid:
     columns: int
     rows: int
 
+    @classmethod
+    def about(cls, x: float, y: float, side: float, cells: int) -> Grid:
+        """A square about a place."""
+        return cls(x - side / 2, y - side / 2, side / cells, cells, cells)
+
+    @classmethod
+    def over(cls, boxes: Array, finest: float, longer_side: int) -> Grid:
+        """Over frames' boxes (n, 4) and a footprint around, of cells of `finest` canvas units, or of so many along the longer
+        side. A frame that sees the horizon reaches any distance; what is seen there is worth nothing, and it must not spoil the
+        grid."""
+        (left, top), (right, bottom) = np.quantile(boxes[:, :2], 0.02, axis=0), np.quantile(boxes[:, 2:], 0.98, axis=0)
+        around = footprint_of(boxes)
+        left, top, right, bottom = (float(at) for at in (left - around, top - around, right + around, bottom + around))
+        cell = max(finest, (right - left) / longer_side, (bottom - top) / longer_side)
+        return cls(left, top, cell, int(np.ceil((right - left) / cell)), int(np.ceil((bottom - top) / cell)))
+
     @property
     def box(self) -> Box:
         return self.left, self.top, self.left + self.columns * self.cell, self.top + self.rows * self.cell
+
+    def place_of(self, column: float, row: float) -> tuple[float, float]:
+        """Canvas place of a cell's middle."""
+        return self.left + (column + 0.5) * self.cell, self.top + (row + 0.5) * self.cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,21 +185,14 @@ class IslandCoverage:
         coverage, gaps = None, list[Gap]()
         if len(ours):
             footprint = footprint_of(table.boxes[ours])
-            coverage = seen_on(_grid_over(table.boxes[ours], footprint), table, ours.tolist(), self._view.taken(table))
+            grid = Grid.over(table.boxes[ours], footprint / PER_FOOTPRINT, LONGER_SIDE)
+            coverage = seen_on(grid, table, ours.tolist(), self._view.taken(table))
             gaps = gaps_in(coverage, footprint)
         rest = min(max(LEAST_REST_S, REST * (time.thread_time() - begun)), MOST_REST_S)
         made = SeenIsland(table.revision, coverage, gaps)
         if len(ours):  # else any number could be asked for and kept
             self._known[island] = time.monotonic() + rest, made
         return made
-
-
-def _grid_over(boxes: Array, footprint: float) -> Grid:
-    # A frame that sees the horizon reaches any distance; what is seen there is worth nothing, and it must not spoil the grid.
-    (left, top), (right, bottom) = np.quantile(boxes[:, :2], 0.02, axis=0), np.quantile(boxes[:, 2:], 0.98, axis=0)
-    left, top, right, bottom = left - footprint, top - footprint, right + footprint, bottom + footprint
-    cell = max(footprint / PER_FOOTPRINT, (right - left) / LONGER_SIDE, (bottom - top) / LONGER_SIDE)
-    return Grid(left, top, cell, int(np.ceil((right - left) / cell)), int(np.ceil((bottom - top) / cell)))
 
 
 def nearest_cells(of: Grid, grid: Grid) -> tuple[Mask, tuple[NDArray[np.intp], ...]]:
@@ -218,9 +231,9 @@ def _gap(grid: Grid, cells: Mask) -> Gap:
     depth = _depth(cells)
     row, column = np.unravel_index(int(depth.argmax()), depth.shape)
     return Gap(
-        outline=[_place(grid, float(x), float(y)) for x, y in longest],
+        outline=[grid.place_of(float(x), float(y)) for x, y in longest],
         area=float(cells.sum()) * grid.cell**2,
-        inside=_place(grid, float(column), float(row)),
+        inside=grid.place_of(float(column), float(row)),
     )
 
 
@@ -231,8 +244,3 @@ def _depth(cells: Mask) -> FloatImage:
 
 def _width(cells: Mask) -> float:
     return 2 * float(_depth(cells).max())
-
-
-def _place(grid: Grid, column: float, row: float) -> tuple[float, float]:
-    """The canvas place of a cell's middle."""
-    return grid.left + (column + 0.5) * grid.cell, grid.top + (row + 0.5) * grid.cell

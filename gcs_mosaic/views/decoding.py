@@ -12,7 +12,8 @@ from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.frames.decoding.decoders import Decoders
 from gcs_mosaic.frames.integrity import NotWhole, is_whole
 from gcs_mosaic.stitch.arrays import Bands
-from gcs_mosaic.store.originals import original_bytes
+from gcs_mosaic.store import inside
+from gcs_mosaic.store.originals import original_bytes, place_of
 from gcs_mosaic.store.records import FrameRecord
 from gcs_mosaic.views.flight_view import FlightView
 
@@ -23,7 +24,7 @@ def original_pixels(view: FlightView, record: FrameRecord, reduction: int) -> Ba
     """The pixels (h, w, bands) of a frame's original, reduced 1, 2 or 4 times."""
     data = original_bytes(view.root, record)
     if data is None or record.content_hash is None:
-        return Unreadable("its original is not what came")
+        return Unreadable("its original is not what came", passing=_is_away(view, record))
     whole = is_whole(data)
     if isinstance(whole, NotWhole):
         return Unreadable(whole.reason)
@@ -32,6 +33,11 @@ def original_pixels(view: FlightView, record: FrameRecord, reduction: int) -> Ba
     decoders = _decoders()
     decoders.note_true_frame(_usual_pixels(view))
     return decoders.decode(data, record.content_hash, reduction)
+
+
+def _is_away(view: FlightView, record: FrameRecord) -> bool:
+    path = place_of(view.root, record.original or "")
+    return path is not None and not inside.is_file(path, view.root)
 
 
 def _is_as_told(size: tuple[int, int], told: tuple[int, int]) -> bool:

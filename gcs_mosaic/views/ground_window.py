@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.render.dense_places import STEP, between_steps, sampled
 from gcs_mosaic.render.render_list import RenderItem
-from gcs_mosaic.render.tile_grid import Box
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, Lattice, Mask, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
+from gcs_mosaic.views.coverage import Grid
 from gcs_mosaic.views.even_light import flattened
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
 from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, displayed
@@ -20,33 +21,7 @@ from gcs_mosaic.views.pictures import REDUCTIONS, NoPicture, displayed
 if TYPE_CHECKING:  # it loads what stitches, which the page starts without
     from gcs_mosaic.stitch.graph.placement import Homography
 
-STEP = 16  # cells between places that are projected exactly, as on tiles
-NOWHERE = -1e4  # px; outside of every picture
 UNSEEN = 34  # grey level where a frame shows nothing: that of the page behind it
-
-
-@dataclass(frozen=True, slots=True)
-class CanvasWindow:
-    """A part of the canvas, `columns` x `rows` cells of `cell` canvas units; `left`, `top`: its corner."""
-
-    left: float
-    top: float
-    cell: float
-    columns: int
-    rows: int
-
-    @classmethod
-    def about(cls, x: float, y: float, side: float, cells: int) -> CanvasWindow:
-        """A square about a place."""
-        return cls(x - side / 2, y - side / 2, side / cells, cells, cells)
-
-    @property
-    def box(self) -> Box:
-        return self.left, self.top, self.left + self.columns * self.cell, self.top + self.rows * self.cell
-
-    def place_of(self, column: float, row: float) -> tuple[float, float]:
-        """Canvas place of a cell's middle."""
-        return self.left + (column + 0.5) * self.cell, self.top + (row + 0.5) * self.cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +53,12 @@ def on_ground(view: FlightView, number: int) -> OnGround | None:
     return OnGround(painted, found[0]) if painted is not None and found else None
 
 
-def aligned_look(view: FlightView, number: int, island: int, window: CanvasWindow) -> Bands:
+def aligned_look(view: FlightView, number: int, island: int, window: Grid) -> Bands:
     """A frame's look at a window, (rows, columns, 3) BGR; what it does not see is dark grey. Raises NoPicture."""
     try:
         lies = on_ground(view, number)
     except UsageError as error:
-        raise NoPicture("There is no flight here yet.") from error
+        raise NoPicture("There is no flight here yet.", passing=True) from error
     if lies is None or lies.painted.island != island:
         raise NoPicture("This frame does not lie there.")
     image = displayed(view, number, reduction_for(view, number, lies.painted, window))
@@ -94,13 +69,14 @@ def aligned_look(view: FlightView, number: int, island: int, window: CanvasWindo
     return shown
 
 
-def flat_picture(
-    view: FlightView, number: int, lies: OnGround, window: CanvasWindow, around: float
-) -> FloatImage | None:
-    """A frame (h, w) as `flattened` over so many cells, about as fine as a window's cells; None if it cannot be shown."""
+def flat_picture(view: FlightView, number: int, lies: OnGround, window: Grid, around: float) -> FloatImage | None:
+    """A frame (h, w) as `flattened` over so many cells, about as fine as a window's cells; None if it cannot be shown. Raises
+    NoPicture where that passes."""
     try:
         image = displayed(view, number, reduction_for(view, number, lies.painted, window))
-    except NoPicture:
+    except NoPicture as reason:
+        if reason.passing:
+            raise
         return None
     grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     wide = lies.painted.camera.width * float(np.exp(lies.painted.pose.log_gsd)) / window.cell
@@ -110,7 +86,7 @@ def flat_picture(
     return flattened(grey, around)
 
 
-def reduction_for(view: FlightView, number: int, painted: RenderItem, window: CanvasWindow) -> int:
+def reduction_for(view: FlightView, number: int, painted: RenderItem, window: Grid) -> int:
     """So many times smaller the original may be read, and still is as fine as the window's cells."""
     middle = pixels_of(painted, np.array([window.place_of(window.columns / 2, window.rows / 2)]))
     record = view.frame(number)
@@ -119,25 +95,21 @@ def reduction_for(view: FlightView, number: int, painted: RenderItem, window: Ca
     return max(one for one in REDUCTIONS if one == 1 or one * own <= window.cell)
 
 
-def laid(lies: OnGround, image: Bands, window: CanvasWindow) -> tuple[Bands, Mask]:
+def laid(lies: OnGround, image: Bands, window: Grid) -> tuple[Bands, Mask]:
     """An image (h, w, bands) of a frame, reduced or not, on a window: (rows, columns, bands), and where it is seen."""
     at = _places(lies, image.shape[1], window)
     seen = _seen(lies.painted, at, image)
-    cv2.patchNaNs(at, NOWHERE)
-    shown = cv2.remap(image, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
-    return np.asarray(shown).reshape(window.rows, window.columns, image.shape[2]), seen
+    return sampled(image, at), seen
 
 
-def _places(lies: OnGround, width: int, window: CanvasWindow) -> Lattice:
+def _places(lies: OnGround, width: int, window: Grid) -> Lattice:
     """Pixels (rows, columns, 2) of an image so wide at the window's cells; NaN where the lens cannot see them."""
     down, across = -(-window.rows // STEP) + 1, -(-window.columns // STEP) + 1
     x, y = np.meshgrid(np.arange(across) * STEP * window.cell, np.arange(down) * STEP * window.cell)
     pixels = lies.pixels(np.column_stack([window.left + x.ravel(), window.top + y.ravel()]))
     per_pixel = width / lies.painted.camera.width
-    exact = ((pixels + 0.5) * per_pixel - 0.5).astype(np.float32).reshape(down, across, 2)
-    wide = cv2.resize(exact, (across * STEP, down * STEP), interpolation=cv2.INTER_LINEAR)
-    half = STEP // 2  # resizing puts a value at the middle of its block
-    return np.ascontiguousarray(wide[half : half + window.rows, half : half + window.columns], np.float32)
+    exact = ((pixels + 0.5) * per_pixel - 0.5).reshape(down, across, 2)
+    return between_steps(exact, window.rows, window.columns)
 
 
 def _seen(painted: RenderItem, at: Lattice, image: Bands) -> Mask:

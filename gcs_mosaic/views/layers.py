@@ -16,15 +16,15 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, pixel_size, tile_box
-from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, Indices
-from gcs_mosaic.views.changes import FlightChanges
+from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageBGR, Indices, Mask
+from gcs_mosaic.views.changes import Compared, FlightChanges
 from gcs_mosaic.views.coverage import Coverage, Grid, IslandCoverage, nearest_cells, seen_on
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.views.ground_window import CanvasWindow
 
 CELLS = 64  # of a tile's side: cells of four pixels
 MOST_FRAMES = 400  # for one tile; with more the island's grid will do
 STOPS = 5  # colours in a legend
+UNKNOWN = 90  # grey of ground of which a layer knows nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,13 +163,13 @@ class LayerTiles:
         self.changes = FlightChanges(view)
 
     def changed(self, island: int, tile: Tile) -> bytes | None:
-        """A tile of what changed between merged flights, as far as that is known: a PNG with alpha; None for nothing."""
+        """A tile of what changed between merged flights, grey where that is not known: a PNG with alpha; None for nothing."""
         known = self.changes.known(island)
         if known is None or known.window is None or known.strength is None:
             return None
         greatest = _greatest(known.strength, known.window, grid_of(tile))
         share = np.asarray((greatest - LEAST_CHANGE) / (MOST_CHANGE - LEAST_CHANGE), np.float64)
-        return tile_picture(_CHANGES.colours, np.where(share > 0, share, np.nan))
+        return tile_picture(_CHANGES.colours, np.where(share > 0, share, np.nan), _unknown(known, grid_of(tile)))
 
     def tile(self, layer: MapLayer, island: int, tile: Tile, at_least: int = 0) -> bytes | None:
         """A PNG with alpha, of a revision or later if the folder is there already; None where nothing was seen."""
@@ -214,7 +214,7 @@ def _resampled(whole: Coverage, grid: Grid) -> Coverage:
     )
 
 
-def _greatest(strength: FloatImage, window: CanvasWindow, grid: Grid) -> FloatImage:
+def _greatest(strength: FloatImage, window: Grid, grid: Grid) -> FloatImage:
     """The greatest change, whatever its sign, in or beside each cell of a grid: what is small is seen from afar, too."""
     half = max(1, round(grid.cell / window.cell)) // 2  # cells of the window
     left, top = (grid.left - window.left) / window.cell, (grid.top - window.top) / window.cell
@@ -228,6 +228,14 @@ def _greatest(strength: FloatImage, window: CanvasWindow, grid: Grid) -> FloatIm
     return found
 
 
+def _unknown(known: Compared, grid: Grid) -> Mask | None:
+    """Cells of a grid whose middles were seen and are not compared."""
+    if known.window is None or known.unknown is None:
+        return None
+    is_near, at = nearest_cells(known.window, grid)
+    return np.asarray(is_near & known.unknown[at])
+
+
 def _greatest_around(values: FloatImage, rows: Indices, half: int) -> FloatImage:
     """The greatest absolute values (n, columns) within so many rows of some rows (n,)."""
     around = (np.abs(values[max(0, row - half) : row + half + 1]).max(axis=0) for row in rows.tolist())
@@ -239,13 +247,15 @@ def _encoded(layer: MapLayer, seen: Coverage, usual: Usual) -> bytes | None:
     return tile_picture(layer.colours, np.where(shown, layer.share(seen, usual), np.nan))
 
 
-def tile_picture(table: int, share: Array) -> bytes | None:
-    """A tile as a PNG of cells (CELLS, CELLS), 0 (worst) to 1 (best) in the colours of an OpenCV table; NaN is transparent.
-    None if all are."""
-    shown = np.isfinite(share)
+def tile_picture(table: int, share: Array, unknown: Mask | None = None) -> bytes | None:
+    """A tile as a PNG of cells (CELLS, CELLS), 0 (worst) to 1 (best) in the colours of an OpenCV table; NaN is grey where it is
+    unknown, else transparent. None if all are."""
+    is_told = np.isfinite(share)
+    shown = is_told if unknown is None else is_told | unknown
     if not shown.any():
         return None
-    colours = coloured(table, np.where(shown, share, 0.0))
+    colours = coloured(table, np.where(is_told, share, 0.0))
+    colours[~is_told] = UNKNOWN
     bgra = np.dstack([colours, np.where(shown, 255, 0).astype(np.uint8)])
     large = cv2.resize(bgra, (TILE_SIZE, TILE_SIZE), interpolation=cv2.INTER_NEAREST)
     done, data = cv2.imencode(".png", large, [cv2.IMWRITE_PNG_COMPRESSION, 4])

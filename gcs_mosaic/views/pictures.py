@@ -14,6 +14,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.render.display import PLAIN, Display
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.store import inside
+from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.originals import place_of
 from gcs_mosaic.views.flight_view import FlightView
 
@@ -27,7 +28,11 @@ _AS_THEY_ARE = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png"
 
 
 class NoPicture(Exception):  # noqa: N818 -- an answer, not an error
-    """Why there is none, in a sentence for whoever asked."""
+    """Why there is none, in a sentence for whoever asked; `passing`: by the machine or the moment, so ask again."""
+
+    def __init__(self, reason: str, *, passing: bool = False) -> None:
+        super().__init__(reason)
+        self.passing = passing
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +58,7 @@ def original(view: FlightView, number: int) -> Original:
     try:
         frame, display = view.frame(number), view.display(number)
     except UsageError as error:
-        raise NoPicture("There is no flight here yet.") from error
+        raise NoPicture("There is no flight here yet.", passing=True) from error
     if frame is None:
         raise NoPicture("There is no such frame.")
     if frame.original is None or frame.content_hash is None or frame.width is None:
@@ -62,8 +67,10 @@ def original(view: FlightView, number: int) -> Original:
     try:
         with inside.reading(path, view.root) as file:
             head = file.read(8)
-    except OSError:
-        raise NoPicture(f"The original of {frame.name} is not there any more.") from None
+    except OSError as error:
+        # With its ledger beside it the file alone is gone; else a share is away, or a disk.
+        is_gone = isinstance(error, FileNotFoundError) and inside.is_file(view.root / LEDGER_NAME, view.root)
+        raise NoPicture(f"The original of {frame.name} is not there any more.", passing=not is_gone) from None
     kinds = [kind for magic, kind in _AS_THEY_ARE.items() if head.startswith(magic)]
     return Original(path, frame.name, kinds[0] if kinds else None, frame.content_hash, display, frame)
 
@@ -87,7 +94,7 @@ def displayed(view: FlightView, number: int, reduction: int) -> ImageBGR:
     source = original(view, number)
     image = original_pixels(view, source.record, reduction)
     if isinstance(image, Unreadable):
-        raise NoPicture(f"{source.name} cannot be shown: {image.reason}.")
+        raise NoPicture(f"{source.name} cannot be shown: {image.reason}.", passing=image.passing)
     display = source.display or PLAIN
     if not display.fits(image):
         raise NoPicture(f"{source.name} was never painted, so how its bands are to be shown is not known.")

@@ -20,7 +20,9 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.temperature import CountUnit, likely_unit, units_told
 from gcs_mosaic.render.display import Display
-from gcs_mosaic.stitch.arrays import Vector
+from gcs_mosaic.render.light_field import nodes
+from gcs_mosaic.render.render_list import RenderItem, log_tones
+from gcs_mosaic.stitch.arrays import Matrix, Vector
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.originals import place_of
 
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 TICKS = 5
-USUAL = 0.95  # share of the frames that are painted as the scale says, within what is told
+USUAL = 0.95  # share of what frames show that is painted as the scale says, within what is told
 MOST_PALETTE_PIXELS = 1_400_000  # no uncooled sensor has more; larger pictures are not looked at for a palette
 KEPT_ISLANDS = 16
 KEPT = 200_000  # of what files say
@@ -51,7 +53,9 @@ class ThermalScale:
     values: Annotated[Sequence[float], "at even steps of the bar"]
     colours: Annotated[Sequence[str], "of the bar at these values, as #rrggbb"]
     within: Annotated[
-        float | None, "in the unit: 95 % of the frames are shown no farther beside the scale, by gains and steps"
+        float | None,
+        "in the unit: 95 % of what frames show, from the darkest to the brightest, is no farther beside the scale, by gains, "
+        "steps, vignetting and light fields",
     ]
 
 
@@ -60,7 +64,7 @@ class RangeOfCounts:
     """Of an island's usual camera of one band: its display, and its frames as they are painted."""
 
     display: Display
-    shown: Sequence[tuple[Display, float]]  # each frame's own display, and its gain
+    shown: Sequence[RenderItem]
     unit: CountUnit | None
     is_whole: bool = True  # all originals could be asked for their unit
 
@@ -105,14 +109,13 @@ class ThermalScales:
     def counts_of(self, island: int) -> RangeOfCounts | None:
         """The range in which an island's counts of one band are shown; None of pictures of other kinds."""
         with self._view.ledger() as ledger:
-            looks = ledger.displays(island)
-        thermal = [(name, own, gain) for name, own, gain in looks if _is_of_counts(own)]
-        if 2 * len(thermal) <= len(looks):
+            painted = ledger.painted(island)
+        thermal = [one for one in painted if _is_of_counts(one.display)]
+        if 2 * len(thermal) <= len(painted):
             return None
-        usual, _ = Counter(own.of_camera for _, own, _ in thermal).most_common(1)[0]
-        names = {name for name, own, _ in thermal if own.of_camera == usual}
-        band = usual.shown[0]
-        shown = [(own, gain[band]) for name, own, gain in thermal if name in names]
+        usual, _ = Counter(one.display.of_camera for one in thermal).most_common(1)[0]
+        shown = [one for one in thermal if one.display.of_camera == usual]
+        names = {one.name for one in shown}
         originals = [one for one in self._view.table().frames if one.name in names]
         said = []
         for one in originals:
@@ -144,11 +147,13 @@ class ThermalScales:
         from gcs_mosaic.render.exposure import is_false_colour
         from gcs_mosaic.views.decoding import original_pixels
 
-        record = self._view.frame(number)
-        image = None if record is None else original_pixels(self._view, record, 4)
-        if image is None or isinstance(image, Unreadable):
+        record, painted = self._view.frame(number), self._view.painted(number)
+        if record is None or painted is None:
             raise _NotNow
-        return is_false_colour(image)
+        image = original_pixels(self._view, record, 4)
+        if isinstance(image, Unreadable):
+            raise _NotNow
+        return painted.display.fits(image) and is_false_colour(painted.display.levels(image))
 
     def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[CountUnit, ...]:
         """What an original says. Raises _NotNow if it is not there."""
@@ -177,7 +182,8 @@ def scale_of(found: RangeOfCounts) -> ThermalScale:
     greys = np.rint(np.repeat(levels[:, None], 3, axis=1)).astype(np.uint8)[:, None]
     colours = [f"#{red:02x}{green:02x}{blue:02x}" for ((blue, green, red),) in found.display.lightened(greys).tolist()]
     values = [round(unit.celsius(count), 2) for count in found.counts(levels).tolist()]
-    within = round(unit.per_count * float(np.quantile([_beside(found, *one) for one in found.shown], USUAL)), 2)
+    beside = [_beside(found.counts(levels), one) for one in found.shown]
+    within = round(unit.per_count * float(np.quantile(beside, USUAL)), 2)
     if found.unit is None:
         return ThermalScale("counts", "counts", values, colours, within)
     return ThermalScale("temperature", "°C", values, colours, within)
@@ -189,12 +195,15 @@ def _tried(count: int) -> list[int]:
     return sorted({0, last // 2, last})
 
 
-def _beside(found: RangeOfCounts, own: Display, gain: float) -> float:
-    """By how many counts a frame's usual count is shown beside the scale: by its step, and by its gain above black."""
-    band, count = own.shown[0], found.usual
+def _beside(counts: Vector, painted: RenderItem) -> Matrix:
+    """By how many counts a frame shows some (n,) beside the scale, at places all over it (nodes, n): by its step, and above black
+    by gain, vignetting and light field."""
+    own = painted.display
+    band = own.shown[0]
     scale, offset = (own.scale[band], own.offset[band]) if own.scale else (1.0, 0.0)
-    shown = count * scale + offset
-    return abs(shown - count) + abs((gain - 1) * (shown - own.black[band]))
+    shown = counts * scale + offset
+    factors = np.exp(log_tones(painted, nodes())[:, band])[:, None]
+    return np.abs(shown - counts) + np.abs((factors - 1) * (shown - own.black[band]))
 
 
 def _is_of_counts(display: Display) -> bool:

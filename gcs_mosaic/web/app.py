@@ -7,9 +7,7 @@ Runs beside a live flight, which passes it a Feed, or on its own, polling mosaic
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +20,7 @@ from gcs_mosaic.web.access import access_check
 from gcs_mosaic.web.address import HttpAddress, network_names, own_names
 from gcs_mosaic.web.address_quota import AddressQuota
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
-from gcs_mosaic.web.api.common import VIEW
+from gcs_mosaic.web.api.common import VIEW, beside
 from gcs_mosaic.web.api.finds import COT
 from gcs_mosaic.web.api.routes import add_api
 from gcs_mosaic.web.bundle import NAME, bundle
@@ -108,21 +106,6 @@ async def let_pages_read(app: web.Application) -> None:
     if app[FEED].subscribers:
         app[FEED].close()
         await asyncio.sleep(FAREWELL_S)
-
-
-def beside(
-    work: Callable[[web.Application], Coroutine[None, None, None]],
-) -> Callable[[web.Application], AsyncIterator[None]]:
-    """A task that runs as long as the application."""
-
-    async def run(app: web.Application) -> AsyncIterator[None]:
-        task = asyncio.create_task(work(app))
-        yield
-        task.cancel()
-        with suppress(asyncio.CancelledError):
-            await task
-
-    return run
 
 
 async def poll_forever(app: web.Application) -> None:

@@ -22,14 +22,15 @@ BLOCK, BLOCKS, MARGIN = 25.0, 4, 3.5  # metres: a hectare in blocks, each with a
 NEAR = 1.2  # metres between a hint and the person that it is of
 MIDDLE, INNER, OUTER = 0.25, 1.3, 3.0  # metres: radii of what is taken for a person, and of the ring around
 HIDDEN_LIMITS = (0.7, 0.8, 0.9, 1.0)
-WAYS = ("warm", "mean", "singles", "one")
+WAYS = ("warm", "any size", "mean", "singles", "one")
 Hint = tuple[float, int | None]  # score, number of the person
 
 
 @dataclass(frozen=True, slots=True)
 class Scored:
     """Contrast of each person, in the integral and in the best single frame; and hints by each of WAYS: of looks together, of
-    their mean by RX, of the most telling of the single frames at each place, of one frame for each place."""
+    these where no size is known, of their mean by RX, of the most telling of the single frames at each place, of one frame for
+    each place."""
 
     contrasts: list[float]
     best_single: list[float]
@@ -55,6 +56,7 @@ def odd_by_way(stack: LookStack) -> dict[str, NDArray[np.float32]]:
     whole = int(np.isfinite(stack.values[..., 0]).sum(axis=(1, 2)).argmax())
     return {
         "warm": oddities(stack, sizes),
+        "any size": oddities(stack),
         "mean": oddity(mean(stack), looks_of(stack)),
         "singles": np.max(each, axis=0),
         "one": each[whole],

@@ -3,7 +3,8 @@
 Simulated flights with people (`detection_scene`). What would be stated is told from the pictures without people; the reader of
 fixed rule (see `detection.model`) looks at those with people (`detection_reader`). Printed: how often it found whom it should
 have found with 0 to 10 %, 10 to 20 %, ... (reliability diagram), over all and flight by flight. With --fit the coefficients are
-fitted to some scenes and written (`detection_fit`); those held out, of other grounds and seeds, are never fitted to.
+fitted to some scenes and written (`detection_fit`); those held out, of other seeds and some of other grounds, are never
+fitted to.
 """
 
 from __future__ import annotations
@@ -75,7 +76,9 @@ def main() -> int:
     held_out = looks_of(HELD_OUT, given.keep)
     print(TABLE.read_text(encoding="utf-8"), end="")
     print(told("held out", held_out, coefficients()))
-    for one, (chance, found) in zip(HELD_OUT, by_flight(held_out, coefficients()), strict=True):
+    flights = by_flight(held_out, coefficients())
+    print(f"  error {100 * np.mean([abs(chance - found) for chance, found in flights]):.1f} points by flight")
+    for one, (chance, found) in zip(HELD_OUT, flights, strict=True):
         leaves = f", leaves {one.leaves:.0%}" if one.leaves else ""
         print(f"  {one.ground} at {one.height:g} m{leaves}: stated {chance:.0%} found {found:.0%}")
     return 0

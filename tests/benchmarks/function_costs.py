@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import wraps
 from pathlib import Path
+from shutil import copyfile
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -103,7 +104,7 @@ def stitched(pictures: list[Path], home: Path, watch: Watch) -> None:
     frames = home / "frames"
     frames.mkdir()
     for one in pictures:
-        (frames / one.name).symlink_to(one.resolve())
+        copyfile(one, frames / one.name)
     for name in WATCHED:
         put_around(name, watch)
     arguments, sys.argv = sys.argv, ["gcs-mosaic", "stitch", str(frames), "--out", str(home / "map")]

@@ -92,6 +92,18 @@ def test_grey_pictures_are_told_from_coloured_ones() -> None:
     assert not statistics(filtered(ground(10.0), SIDE)).is_grey
 
 
+def test_a_crosshair_makes_no_colour_picture_of_a_thermal_one() -> None:
+    grey = np.repeat(ground(10.0)[..., :1], 3, axis=2)
+    cv2.drawMarker(grey, (150, 100), (0, 0, 255), cv2.MARKER_CROSS, 30, 2)
+    assert statistics(filtered(grey, SIDE)).is_grey
+
+
+def test_a_colour_picture_of_snow_with_a_few_trees_stays_one() -> None:
+    snow = np.full((240, 320, 3), 230, np.uint8)
+    snow[:20, :80] = (60, 90, 70)  # trees, two hundredths of it and a little
+    assert not statistics(filtered(snow, SIDE)).is_grey
+
+
 @pytest.mark.parametrize("side", [0.4, 2.0, 5.0, 60.0])
 def test_persons_of_any_size_are_measured(side: float) -> None:
     picture = filtered(ground(10.0), side)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.cli.main import main
+from gcs_mosaic.detection import detections as detections_module
 from gcs_mosaic.detection.detection_areas import areas
 from gcs_mosaic.detection.detection_map import DetectionMap
 from gcs_mosaic.detection.detections import Detections, units_of_pixel
@@ -24,7 +25,8 @@ from gcs_mosaic.web.server import WebServer
 from sitl.flight import Flight, plan
 from sitl.path import Plan
 from tests.notes.written_pins import write_pins
-from tests.running import run
+from tests.running import stitched
+from tests.sure import sure
 from tests.web.test_notes_api import Writer
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("every_answer_is_as_described")]
@@ -41,13 +43,7 @@ def flight(world_cache: Path) -> Flight:
 @pytest.fixture(scope="module")
 def root(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the stitched flight."""
-    home = tmp_path_factory.mktemp("detection")
-    (home / "pictures").mkdir()
-    for name, data in zip(flight.names, flight.pictures(), strict=True):
-        (home / "pictures" / Path(name).name).write_bytes(data)
-    done = run("stitch", "pictures", "--out", "mosaic", cwd=home)
-    assert done.returncode == 0, done.stderr
-    return home / "mosaic"
+    return stitched(flight, tmp_path_factory.mktemp("detection"))
 
 
 @pytest.fixture(scope="module")
@@ -83,22 +79,27 @@ def test_clothes_that_stand_out_and_people_who_are_larger_are_more_probable(dete
     assert figure(orange) > figure(told(detections, root, smaller=25.0)) + 0.1
 
 
-def test_each_measured_picture_adds_what_it_saw(root: Path) -> None:
+def test_each_measured_picture_adds_what_it_saw(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(detections_module, "REST", 0.0)
+    monkeypatch.setattr(detections_module, "LEAST_REST_S", 0.0)
     view = FlightView(root)
     fresh = Detections(view, IslandCoverage(view).of)
-    side = 20.0 * (units_of_pixel(view, 0) or 0.0)
-    before = fresh.of(0, Person(), side)
-    assert before is not None
+    side = 20.0 * sure(units_of_pixel(view, 0))
+    before = sure(fresh.of(0, Person(), side))
     assert before.measured == 0
     assert np.isnan(before.probability[before.is_seen]).all()
     assert before.within(before.is_seen) is None
-    assert fresh.step()
-    after = Detections(view, IslandCoverage(view).of)
-    after.of(0, Person(), side)
-    assert after.step()
-    one = after.whole(0, Person(), side)
-    assert one is not None
-    assert not after.step()
+    stated = np.isfinite(before.probability)  # gaps alone: there it is 0
+    for measured in range(1, before.frames + 1):
+        assert fresh.step()
+        now = sure(fresh.of(0, Person(), side))
+        assert now.measured == measured
+        after = np.isfinite(now.probability)
+        assert after[stated].all()
+        assert after.sum() > stated.sum()
+        assert (now.flown & ~after).any() or measured == before.frames
+        stated = after
+    assert not fresh.step()
 
 
 def test_a_part_is_the_mean_of_its_cells_and_areas_hold_what_they_say(detections: Detections, root: Path) -> None:

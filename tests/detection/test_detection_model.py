@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gcs_mosaic.detection.model import (
     TABLE,
+    Coefficients,
     coefficients,
     kept_contrast,
     of_look,
@@ -18,6 +20,8 @@ from gcs_mosaic.detection.model import (
     written,
 )
 from gcs_mosaic.stitch.arrays import Array
+from tests.benchmarks.detection_fit import fit
+from tests.benchmarks.detection_reader import Looks
 
 FITTED = coefficients()
 
@@ -26,9 +30,45 @@ def array(*values: float) -> Array:
     return np.array(values)
 
 
-def test_the_table_is_what_the_benchmark_writes() -> None:
+def test_the_table_is_written_as_it_is_read() -> None:
     assert TABLE.read_text(encoding="utf-8") == written(FITTED)
     assert all(np.isfinite(value) for value in json.loads(written(FITTED)).values())
+
+
+@pytest.mark.long
+def test_the_fit_recovers_the_coefficients_that_looks_were_drawn_from() -> None:
+    """Two of each person, in the open and under leaves. As probabilities: offsets and factors may make up for one another."""
+    true = Coefficients(
+        most=0.95,
+        offset=-1.0,
+        contrast=1.8,
+        blur=1.5,
+        leaves_offset=3.0,
+        leaves=-1.2,
+        leaves_share=-0.8,
+        again=0.5,
+        through=0.5,
+    )
+    rng, people, each = np.random.default_rng(1), 6000, 2
+    count = people * each
+    contrast = np.exp(rng.normal(0.7, 1.0, count))
+    looks = Looks(
+        person=np.repeat(np.arange(people), each).astype(float),
+        in_sun=contrast,
+        in_shade=contrast,
+        kept=-rng.exponential(0.5, count),
+        texture=np.exp(rng.normal(1.5, 0.7, count)),
+        disagreement=np.exp(rng.normal(1.0, 0.8, count)),
+        direction=np.tile(np.arange(each), people).astype(float),
+        found=np.zeros(count),
+    )
+    seen = of_look(contrast, looks.kept, true) * open_to_view(looks.disagreement, looks.texture, true)
+    looks = replace(looks, found=(rng.random(count) < seen).astype(float))
+    fitted = fit(looks)
+    again = of_look(contrast, looks.kept, fitted) * open_to_view(looks.disagreement, looks.texture, fitted)
+    assert np.abs(again - seen).mean() < 0.02  # of 12000 looks a share is known to 0.01
+    for name in ("contrast", "blur", "leaves_share"):  # known to 8 % over four such draws; `leaves` to a third only
+        assert getattr(fitted, name) == pytest.approx(getattr(true, name), rel=0.2), name
 
 
 def test_more_contrast_more_pixels_and_sharper_pictures_never_make_it_less_probable() -> None:

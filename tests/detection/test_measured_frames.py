@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import cv2
@@ -11,8 +12,10 @@ import pytest
 from gcs_mosaic.detection import clutter, measured_frames
 from gcs_mosaic.detection.clutter import MOST_PX, SIDE_PX, analysed_scale, filtered
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL, MeasuredFrame, MeasuredFrames
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.views.flight_view import FlightView
+from gcs_mosaic.views.pictures import NoPicture
 from tests.sure import sure
 from tests.web.seen_flight import CAMERA, seen_flight
 
@@ -78,3 +81,48 @@ def test_a_picture_too_large_is_analysed_smaller_or_refused(view: FlightView, mo
     _, (small,) = measured(view, monkeypatch, [MEADOW], side_px=1.5)
     assert small.ground is None
     assert small.trouble == TOO_SMALL
+
+
+@pytest.mark.parametrize(
+    "trouble", [NoPicture("It took too long.", passing=True), UsageError("The ledger cannot be read.")]
+)
+def test_what_passes_is_tried_again(view: FlightView, monkeypatch: pytest.MonkeyPatch, trouble: Exception) -> None:
+    """A share that is away for a moment is no word about its pictures; nor is it asked for each step."""
+    answers: list[Exception | ImageBGR] = [trouble, MEADOW]
+
+    def displayed(*_: object) -> ImageBGR:
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(measured_frames, "displayed", displayed)
+    monkeypatch.setattr(measured_frames, "RETRY_S", 1000.0)
+    frames = MeasuredFrames(view, 12.0)
+    frames.want(0)
+    first, second = frames.waiting()[:2]
+    assert frames.step()
+    assert frames.of(first) is None
+    assert frames.put_off(first) == str(trouble)
+    assert frames.step()  # the next one, not the same again
+    assert sure(frames.of(second)).ground is not None
+    assert first in frames.waiting()
+    after = time.monotonic() + 1001.0
+    monkeypatch.setattr(measured_frames, "monotonic", lambda: after)
+    answers.append(MEADOW)
+    assert frames.step()
+    assert sure(frames.of(first)).ground is not None
+    assert frames.put_off(first) == ""
+
+
+def test_what_stays_is_remembered(view: FlightView, monkeypatch: pytest.MonkeyPatch) -> None:
+    def displayed(*_: object) -> ImageBGR:
+        raise NoPicture("It is torn.")
+
+    monkeypatch.setattr(measured_frames, "displayed", displayed)
+    frames = MeasuredFrames(view, 12.0)
+    frames.want(0)
+    first = frames.waiting()[0]
+    assert frames.step()
+    assert sure(frames.of(first)).trouble == "It is torn."
+    assert first not in frames.waiting()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gcs_mosaic.detection.clutter import filtered, statistics
+from gcs_mosaic.detection.detection_areas import areas
 from gcs_mosaic.detection.detection_map import SOME_GREY, DetectionMap, detection_map
 from gcs_mosaic.detection.measured_frames import MeasuredFrame, MeasuredFrames
 from gcs_mosaic.detection.persons import Person
@@ -22,6 +24,7 @@ LAST = "43.jpg"  # alone over a corner of the map
 NOISE = np.random.default_rng(1).normal(0, 3, (CAMERA.height, CAMERA.width, 1))
 MEADOW = np.clip(np.array([70, 130, 110]) + NOISE, 0, 255).astype(np.uint8)
 STATED = MeasuredFrame(statistics(filtered(MEADOW, SIDE_PX)), None)
+COMPARED = replace(STATED, differs=np.full(sure(STATED.ground).colours.shape[:2], 1.0))
 GREY = MeasuredFrame(statistics(filtered(np.repeat(MEADOW[..., :1], 3, axis=2), SIDE_PX)), None)
 UNREADABLE = MeasuredFrame(None, None, "It is torn.")
 
@@ -54,6 +57,19 @@ def test_ground_of_which_nothing_is_stated_is_below_any_probability(tmp_path: Pa
     assert 0.9 < lacking.covered < 0.99
     assert lacking.covered == pytest.approx(1 - unstated.sum() / lacking.flown.sum())
     assert (lacking.below(0.01) == (whole.below(0.01) | unstated)).all()
+
+
+def test_ground_whose_leaves_no_two_looks_tell_is_told_by_its_share(tmp_path: Path) -> None:
+    """Over a closed canopy without overlap the probability is that of open ground."""
+    none = told(tmp_path / "none", STATED)
+    assert none.leaves_unknown == 1.0
+    one, alone = told(tmp_path / "one", COMPARED), told(tmp_path / "alone", COMPARED, None)
+    assert (one.leaves_known == alone.is_seen).all()
+    stated = one.flown & np.isfinite(one.probability) & one.is_seen  # gaps have no leaves to be known
+    assert one.leaves_unknown == pytest.approx(1 - (alone.is_seen & stated).sum() / stated.sum())
+    assert 0.5 < one.leaves_unknown < 1.0
+    assert told(tmp_path / "all", COMPARED, COMPARED).leaves_unknown == 0.0
+    assert {area.leaves_unknown for area in areas(none) if area.mean > 0} == {1.0}  # the others are gaps
 
 
 def test_grey_pictures_beside_coloured_ones_state_nothing(tmp_path: Path) -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import http.client
+import re
 import socket
 import threading
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +24,13 @@ from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
 from gcs_mosaic.notes.finds.finds import Finds, NewFind, PlacedFind, placed
 from gcs_mosaic.notes.ground.binding import GroundFollower
 from gcs_mosaic.notes.storage.book import NotesBook
+from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.taken import CaptureTime
-from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import handed_over
-from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.settings import WebSettings
 from tests.handover.gapped import gapped_flight
+from tests.web.served import served
 from tests.web.test_app import Client
 
 GROUP = "239.2.3.1"  # ATAK's own
@@ -164,11 +165,13 @@ def test_it_goes_to_a_multicast_group(member: socket.socket) -> None:
 
 def test_it_goes_over_tcp_and_nobody_there_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(5)  # of a test that fails no thread is left
         address = CotAddress("tcp", *server.getsockname())
         heard = list[bytes]()
 
         def hear() -> None:
             with server.accept()[0] as caller:
+                caller.settimeout(5)
                 heard.append(caller.recv(100))
 
         thread = threading.Thread(target=hear)
@@ -208,13 +211,12 @@ def test_the_page_sends_only_where_the_settings_say(root: Path, listener: socket
     found(root)
     host, port = listener.getsockname()
     for settings, status in ((None, 409), (WebSettings(cot=f"udp:{host}:{port}"), 200)):
-        server = WebServer(root, HttpAddress("127.0.0.1", 0), settings=settings)
-        client = Client(server.start())
-        answer, body = posted(client, "/api/v1/finds/1/cot")
-        assert (answer.status, b"web: {cot" in body) == (status, status == 409)
-        assert client.ask("/api/v1/finds/1/event.cot")[1].startswith(b"<?xml")
-        assert client.ask("/api/v1/finds/7/event.cot")[0].status == 404
-        server.stop()
+        with served(root, settings=settings) as url:
+            client = Client(url)
+            answer, body = posted(client, "/api/v1/finds/1/cot")
+            assert (answer.status, b"web: {cot" in body) == (status, status == 409)
+            assert client.ask("/api/v1/finds/1/event.cot")[1].startswith(b"<?xml")
+            assert client.ask("/api/v1/finds/7/event.cot")[0].status == 404
     assert b'callsign="tent"' in listener.recv(65536)
 
 
@@ -233,9 +235,9 @@ def test_while_a_name_is_not_found_others_are_refused(root: Path, monkeypatch: p
     monkeypatch.setattr(socket, "getaddrinfo", find_slowly)
     monkeypatch.setattr(cot, "SEND_S", 0.3)
     monkeypatch.setattr(handed_over, "FINDING_NAMES_S", 0.2)
-    server = WebServer(root, HttpAddress("127.0.0.1", 0), settings=WebSettings(cot="udp:nobody.example:6969"))
-    client = Client(server.start())
-    try:
+    with served(root, settings=WebSettings(cot="udp:nobody.example:6969")) as url, ExitStack() as stack:
+        stack.callback(may_end.set)
+        client = Client(url)
         answer, body = posted(client, "/api/v1/finds/1/cot")  # in less than the client's 5 s
         assert (answer.status, b"its name is not found" in body) == (409, True)
         assert begun.is_set()
@@ -246,22 +248,15 @@ def test_while_a_name_is_not_found_others_are_refused(root: Path, monkeypatch: p
         while b"Another find" in body and time.monotonic() < deadline:
             answer, body = posted(client, "/api/v1/finds/1/cot")
         assert (answer.status, b"nobody knows it" in body) == (409, True)
-    finally:
-        may_end.set()
-        server.stop()
 
 
 @pytest.mark.long
-def test_an_event_without_a_readable_ledger_is_refused_in_a_sentence(
-    root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_event_without_a_readable_ledger_is_refused_in_a_sentence(root: Path) -> None:
     found(root)
-
-    def unread(*_: object) -> None:
-        raise UsageError("no ledger can be read")
-
-    monkeypatch.setattr(FlightView, "capture_time", unread)
-    server = WebServer(root, HttpAddress("127.0.0.1", 0))
-    answer, body = Client(server.start()).ask("/api/v1/finds/1/event.cot")
-    server.stop()
-    assert (answer.status, body) == (409, b"no ledger can be read\n")
+    with served(root) as url:
+        client = Client(url)
+        assert client.ask("/api/v1/finds/1/event.cot")[0].status == 200
+        (root / LEDGER_NAME).rename(root / "away.sqlite")
+        answer, body = client.ask("/api/v1/finds/1/event.cot")
+    assert answer.status == 409
+    assert re.fullmatch(rb"[^\n]*flight.sqlite[^\n]*\n", body), body

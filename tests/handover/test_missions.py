@@ -189,3 +189,12 @@ def test_patches_are_flown_one_after_the_other(flight: Path) -> None:
         if str(one.text).startswith("patch ")
     ]
     assert all(0 <= after - before <= 1 for before, after in pairwise(numbers))
+
+
+def test_that_nothing_is_improbable_is_said_of_the_model(
+    flight: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Patches are of some size, and the model is one: that somebody would have been seen everywhere it does not tell."""
+    monkeypatch.setattr("gcs_mosaic.handover.mission.Detections.whole", lambda *_: None)
+    said = " ".join(refusal(flight, capsys, "--below", "0.5").split())
+    assert "by the model no patch of the flown area is below 50% for that person, which clears no ground" in said

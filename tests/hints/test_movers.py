@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +14,12 @@ import pytest
 from gcs_mosaic.hints import movers
 from gcs_mosaic.hints.mover_tracks import SeenBlob, tracks_of
 from gcs_mosaic.hints.movers import Movers, MoverSearch
+from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.views import ground_window, pictures
 from gcs_mosaic.views.flight_view import FlightView, FrameTable
+from gcs_mosaic.views.pictures import NoPicture
 from tests.views.drawn_flight import Drawn, Things, drawn_flight, laid_at
 
 LOOKS = 7
@@ -83,6 +88,36 @@ def test_an_original_that_is_gone_stops_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+def test_what_a_passing_trouble_kept_from_being_searched_is_searched_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nor are those beside it, which would be compared with less than there is; and it is not tried with each question."""
+    view, away, asked = flight(tmp_path, [laid_at(200.0 + 24 * n, 240.0) for n in range(LOOKS)]), {1}, list[int]()
+    shown = pictures.displayed
+
+    def displayed(of: FlightView, number: int, reduction: int) -> ImageBGR:
+        asked.append(number)
+        if number in away:
+            raise NoPicture("It took too long.", passing=True)
+        return shown(of, number, reduction)
+
+    monkeypatch.setattr(ground_window, "displayed", displayed)
+    search = MoverSearch(view)
+    assert search.ask(0, work_s=60.0).searched == LOOKS - 1 - movers.BESIDE
+    before = list(asked)
+    assert search.ask(0, work_s=60.0).searched == LOOKS - 1 - movers.BESIDE
+    assert asked == before
+    monkeypatch.setattr(movers, "RETRY_S", 0.0)
+    monkeypatch.setattr(movers, "REST", 0.0)
+    search = MoverSearch(view)
+    search.ask(0, work_s=60.0)
+    away.clear()
+    found = search.ask(0, work_s=60.0)
+    assert found.searched == LOOKS
+    assert len(found.tracks) == 1
+
+
+@pytest.mark.long
 def test_a_frame_that_cannot_be_searched_stops_nothing_and_is_tried_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -106,6 +141,35 @@ def test_what_has_not_changed_is_not_linked_again(tmp_path: Path, monkeypatch: p
         pass
     monkeypatch.setattr(movers, "tracks_of", lambda seen: pytest.fail("nothing has changed"))
     assert search.ask(0) is found
+
+
+@pytest.mark.long
+def test_found_things_follow_their_frames_and_their_frames_content(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An island that joins another is laid at another scale; a flight flown again into the folder has other frames."""
+    view = flight(tmp_path, [laid_at(200.0 + 24 * n, 240.0) for n in range(LOOKS)])
+    monkeypatch.setattr(movers, "REST", 0.0)
+    search = MoverSearch(view)
+    (before,) = search.ask(0, work_s=60.0).tracks
+    table, painted = view.table(), FlightView.painted
+
+    def twice_as_large(of: FlightView, number: int) -> RenderItem | None:
+        one = painted(of, number)
+        if one is None:
+            return None
+        pose = replace(one.pose, x=2 * one.pose.x, y=2 * one.pose.y, log_gsd=one.pose.log_gsd + math.log(2))
+        return replace(one, pose=pose)
+
+    monkeypatch.setattr(FlightView, "painted", twice_as_large)
+    monkeypatch.setattr(FlightView, "table", lambda *_: replace(table, revision=table.revision + 1))
+    (after,) = search.ask(0, work_s=60.0).tracks
+    assert [one.x for one in after] == pytest.approx([2 * one.x for one in before])
+    assert [one.size for one in after] == pytest.approx([2 * one.size for one in before])
+    others = [replace(one, content_hash=f"{one.content_hash}, another") for one in table.frames]
+    monkeypatch.setattr(FlightView, "table", lambda *_: replace(table, revision=table.revision + 2, frames=others))
+    found = search.ask(0, work_s=0.0)
+    assert (found.searched, found.tracks) == (0, [])
 
 
 @pytest.mark.long

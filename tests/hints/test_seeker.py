@@ -27,7 +27,7 @@ from sitl.flight import Flight, plan
 from sitl.path import Plan
 from sitl.targets import CLOTHES, Crowd
 from tests.benchmarks.hints import found_people, people_by_frame
-from tests.running import run, until
+from tests.running import stitched, until
 from tests.web.browser import CHROMIUM, open_browser
 from tests.web.test_notes_api import Writer
 from tests.web.test_people_on_the_page import Person
@@ -36,6 +36,7 @@ pytestmark = [pytest.mark.long, pytest.mark.usefixtures("every_answer_is_as_desc
 
 SIZE = (800, 600)
 PEOPLE = 12
+SEARCHED_S = 200.0  # the search yields to all other work of a busy machine
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +47,7 @@ def flight() -> Flight:
 @pytest.fixture(scope="module")
 def flown(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the stitched flight, in which nothing was sought yet."""
-    home = tmp_path_factory.mktemp("people")
-    (home / "pictures").mkdir()
-    for name, data in zip(flight.names, flight.pictures(), strict=True):
-        (home / "pictures" / Path(name).name).write_bytes(data)
-    done = run("stitch", "pictures", "--out", "mosaic", cwd=home)
-    assert done.returncode == 0, done.stderr
-    return home / "mosaic"
+    return stitched(flight, tmp_path_factory.mktemp("people"))
 
 
 @pytest.fixture
@@ -186,7 +181,7 @@ def test_the_page_seeks_once_somebody_wants_it_and_what_is_dismissed_stays_so(cl
     told = client.get("/hints")
     assert (told["on"], told["state"], told["hints"]) == (False, "off", [])
     assert client.send("POST", "/hints", {"on": True, "who": "Kim"})[0] == 200
-    until(lambda: client.get("/hints")["searched"] == 12, "all frames are searched", 60)
+    until(lambda: client.get("/hints")["searched"] == 12, "all frames are searched", SEARCHED_S)
     told = client.get("/hints")
     assert (told["on"], told["state"], told["frames"], told["failed"]) == (True, "seeking", 12, 0)
     best = told["hints"][0]
@@ -228,7 +223,11 @@ def test_a_colour_picked_on_the_map_is_marked_everywhere(client: Writer, flight:
     assert np.abs(np.array(made["rgb"][::-1]) - own).max() < 40
     client.send("POST", "/hints", {"on": True, "who": "Kim"})
     marked = "the colour is marked where it was picked"
-    until(lambda: any(one["frame"] == number and _near(one["pixel"], pixel) for one in _sought(client)), marked, 60)
+    until(
+        lambda: any(one["frame"] == number and _near(one["pixel"], pixel) for one in _sought(client)),
+        marked,
+        SEARCHED_S,
+    )
     assert client.send("DELETE", f"/hints/colours/{made['id']}", {"who": "Kim"})[0] == 200
     assert client.send("DELETE", f"/hints/colours/{made['id']}", {"who": "Kim"})[0] == 404
 
@@ -277,12 +276,13 @@ def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(
         someone.press("open-hints")
         someone.sees("hints-told", "Hints are off.")
         someone.press("hints-on")
-        page.wait_for("document.querySelectorAll('#hints-list li').length >= 5", 60)
-        page.wait_for("document.getElementById('hints-told').innerText.includes('12 of 12 frames are searched.')", 60)
-        page.evaluate(
-            "document.querySelector('#hints-list li').scrollIntoView()"
-        )  # crops are fetched once they are in view
-        page.wait_for("document.querySelector('#hints-list img').naturalWidth > 0")
+        page.wait_for("document.querySelectorAll('#hints-list li').length >= 5", SEARCHED_S)
+        searched = "document.getElementById('hints-told').innerText.includes('12 of 12 frames are searched.')"
+        page.wait_for(searched, SEARCHED_S)
+        for place in (0, 2, -1):  # crops are fetched once they are in view
+            crop = f"[...document.querySelectorAll('#hints-list img')].at({place})"
+            page.evaluate(f"{crop}.scrollIntoView()")
+            page.wait_for(f"{crop}.naturalWidth > 0")
         first = "document.querySelector('#hints-list li:first-child')"
         page.evaluate(f"{first}.querySelector('.crop').click()")
         marks = "[...document.querySelectorAll('.hint-mark')].map((one) => one.getBoundingClientRect())"

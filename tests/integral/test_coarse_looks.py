@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.integral.flight_looks import coarsened, looks_at
+from gcs_mosaic.integral.flight_looks import coarsened, looks_at, spread
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow, laid
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.views.flight_view import FlightView
@@ -36,5 +36,20 @@ def test_a_coarse_look_shows_everything_where_it_was(bands: int) -> None:
     coarse = coarsened(look, window, 1.0)
     assert coarse.image.shape == (240 // 5, 320 // 5, bands)
     fine, kept = (sure(laid(one, window, 0.0)) for one in (look, coarse))
+    known = np.isfinite(fine), np.isfinite(kept)
+    assert known[0].any()
+    assert (
+        known[0] & ~known[1]
+    ).sum() <= 2 * window.cells * bands  # the pixels of two rims, at the right and at the bottom
+    assert not (known[1] & ~known[0]).any()
     assert np.nanmax(np.abs(cv2.absdiff(fine, kept))) < 0.1
     assert coarsened(look, window, 3.0) is look
+
+
+@pytest.mark.parametrize(("count", "most"), [(17, 16), (31, 30), (100, 30), (5, 5), (3, 30), (60, 2)])
+def test_as_many_looks_as_are_wanted_are_spread_over_all(count: int, most: int) -> None:
+    kept = spread(range(count), most)
+    assert len(kept) == min(count, most)
+    assert (kept[0], kept[-1]) == (0, count - 1)
+    steps = np.diff(kept)
+    assert steps.max() - steps.min() <= 1

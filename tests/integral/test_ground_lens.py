@@ -1,6 +1,7 @@
 """A lens over a place of a real flight's folder, and what is said where none can be."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.integral.flight_looks import HIGHEST
 from gcs_mosaic.integral.forms import looks_of, mean
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
+from gcs_mosaic.integral.lens_keeper import LensKeeper, LensWish
 from gcs_mosaic.views.flight_view import FlightView
 from tests.ended_flights import ended_flight, photographed
 
@@ -93,3 +95,23 @@ def test_the_command_writes_a_page_for_each_height(
     assert main([*asked, "--out", str(flown / "tiles")]) == 2
     assert "part of the flight" in capsys.readouterr().err
     assert main(["integral", str(flown), "--at", "1e6,1e6", "--out", str(target)]) == 2
+
+
+def test_more_looks_than_are_kept_are_thinned_evenly(flown: Path, lens: GroundLens) -> None:
+    """Not halved by one more than wanted."""
+    island, x, y = place_of(flown)
+    wanted = len(lens.looks) - 1
+    fewer = ground_lens(FlightView(flown), island, (x, y), 96, most=wanted)
+    assert (len(fewer.looks), fewer.left_out) == (wanted, 1)
+    ends = [(one.looks[0].name, one.looks[-1].name) for one in (lens, fewer)]
+    assert ends[0] == ends[1]
+
+
+def test_a_lens_tells_the_revision_at_which_it_was_opened(flown: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    island, x, y = place_of(flown)
+    view = FlightView(flown)
+    keeper, wish, before = LensKeeper(view), LensWish(island=island, x=x, y=y, cells=64), view.table()
+    assert keeper.look(wish).lens.revision == before.revision
+    monkeypatch.setattr(view, "table", lambda *_: replace(before, revision=before.revision + 5))
+    assert keeper.look(replace(wish, height=0.02)).lens.revision == before.revision
+    assert keeper.look(wish).lens.revision == before.revision + 5

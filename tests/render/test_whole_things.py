@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gcs_mosaic.render import seam_path
 from gcs_mosaic.render.cells import CELLS, OPEN, WHOLLY, Cells
 from gcs_mosaic.render.seam_path import BAND, STEPS, least_seen
 from gcs_mosaic.render.whole_things import LARGEST, ROUND
@@ -77,12 +78,18 @@ def test_a_frame_that_does_not_see_all_of_it_does_not_get_it() -> None:
     assert (found[ROWS, MIDDLE + 3 : MIDDLE + 5] == 2).all()
 
 
-def test_of_ties_nothing_is_made() -> None:
-    """What two frames see as well would hang on the order of a sum."""
+def test_of_ties_nothing_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What two frames see as well would hang on the order of a sum: it stays as the seam's path has it."""
     even = np.where(np.arange(SIDE) < MIDDLE, 0.5, -0.5).astype(np.float32)[None, :].repeat(SIDE, axis=0)
-    found = shown(even, picture(MIDDLE - 5, MIDDLE + 2), picture(MIDDLE - 2, MIDDLE + 5))
-    mirrored = shown(-even[:, ::-1].copy(), picture(MIDDLE - 5, MIDDLE + 2), picture(MIDDLE - 2, MIDDLE + 5))
-    assert np.array_equal(found, mirrored)
+    one, other = picture(MIDDLE - 5, MIDDLE + 2), picture(MIDDLE - 2, MIDDLE + 5)
+    leaning = even.copy()
+    leaning[MIDDLE, MIDDLE] = -0.75  # one cell decides, so the tie alone is what leaves it as it is
+    assert set(np.unique(shown(leaning, one, other)[ROWS, MIDDLE - 5 : MIDDLE + 5])) == {2}
+    found = shown(even, one, other)
+    mirrored = shown(-even[:, ::-1], other[..., ::-1], one[..., ::-1])
+    np.testing.assert_array_equal(found, 3 - mirrored[:, ::-1])
+    monkeypatch.setattr(seam_path, "as_wholes", lambda _cells, _apart, taken: taken)
+    np.testing.assert_array_equal(found, shown(even, one, other))
 
 
 def test_it_is_the_same_however_much_of_the_map_it_is_told_for() -> None:

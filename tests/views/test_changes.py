@@ -13,9 +13,10 @@ import pytest
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.store.folder import PROGRESS_NAME
 from gcs_mosaic.views.changes import Compared, FlightChanges, merged_flights
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.views.layers import LayerTiles
+from gcs_mosaic.views.layers import UNKNOWN, LayerTiles
 from tests.sure import sure
 from tests.views.drawn_flight import Drawn, Things, as_merged, drawn_flight, laid_at
 
@@ -74,7 +75,7 @@ def test_who_asks_meanwhile_is_answered_at_once(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(FlightChanges, "_add", ask)
     found = whole(changes)
     assert found.done == found.frames == 8
-    assert [one.done for one in meanwhile] == [0, 1, 2, 3, 4, 5, 6, 7, 7][1:]
+    assert [one.done for one in meanwhile] == list(range(8))
     assert {(one.frames, one.strength is None) for one in meanwhile} == {(8, True)}
 
 
@@ -124,6 +125,19 @@ def test_tiles_show_it_at_any_level(tmp_path: Path) -> None:
     for level in (16, 14, 12):
         tile = Tile(level, middle >> (16 - level), middle >> (16 - level))
         data = np.frombuffer(sure(tiles.changed(0, tile)), np.uint8)
-        alpha = sure(cv2.imdecode(data, cv2.IMREAD_UNCHANGED))[..., 3]
-        assert 0 < (alpha > 0).mean() < 0.1
+        picture = sure(cv2.imdecode(data, cv2.IMREAD_UNCHANGED))
+        changed = (picture[..., 3] > 0) & (picture[..., :3] != UNKNOWN).any(axis=2)
+        assert 0 < changed.mean() < 0.1
     assert tiles.changed(0, Tile(16, middle - 9, middle)) is None
+
+
+@pytest.mark.parametrize(("written", "logged"), [(None, 0), (b"{", 1), (b"[" * 5000, 1), (b'{"command": "stitch"}', 0)])
+def test_what_does_not_tell_is_not_merged_and_trouble_is_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, written: bytes | None, logged: int
+) -> None:
+    """A file that is not there is no trouble."""
+    view = FlightView(drawn_flight(tmp_path / "map", [Drawn("a/0.png", Pose(180.0, 250.0))]))
+    if written is not None:
+        (view.root / PROGRESS_NAME).write_bytes(written)
+    assert merged_flights(view, view.table()) == ([], {})
+    assert [PROGRESS_NAME in one.getMessage() for one in caplog.records] == [True] * logged

@@ -10,15 +10,14 @@ import pytest
 
 from gcs_mosaic.stitch.arrays import FloatImage
 from gcs_mosaic.views.coverage import Grid
-from gcs_mosaic.views.ground_window import CanvasWindow
 from gcs_mosaic.views.layers import CELLS, _greatest
 
 
-def window(columns: int, rows: int) -> CanvasWindow:
-    return CanvasWindow(left=-30.0, top=20.0, cell=2.0, columns=columns, rows=rows)
+def window(columns: int, rows: int) -> Grid:
+    return Grid(left=-30.0, top=20.0, cell=2.0, columns=columns, rows=rows)
 
 
-def dilated(strength: FloatImage, over: CanvasWindow, grid: Grid) -> FloatImage:
+def dilated(strength: FloatImage, over: Grid, grid: Grid) -> FloatImage:
     """The same by a kernel as large as a cell of the grid."""
     reach = max(1, round(grid.cell / over.cell)) | 1
     part = cv2.dilate(np.abs(strength), np.ones((reach, reach), np.uint8))
@@ -38,6 +37,30 @@ def test_the_greatest_change_in_a_cell_is_shown(cell: float, corner: tuple[float
     grid = Grid(*corner, cell, 24, 24)
     over = window(120, 90)
     np.testing.assert_array_equal(_greatest(strength, over, grid), dilated(strength, over, grid))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("cell", "column", "row", "shown"),
+    [
+        (2.0, 7, 4, [(4, 7)]),  # as fine as what is known: that cell alone
+        (6.0, 7, 4, [(1, 2)]),  # three times as coarse: the cell of columns 6 to 8 and rows 3 to 5
+        (6.0, 8, 5, [(1, 2)]),  # in its corner
+        (10.0, 2, 2, [(0, 0)]),
+        (10.0, 4, 2, [(0, 0)]),
+        (10.0, 5, 2, [(0, 1)]),
+        (1.0, 3, 2, [(4, 6), (4, 7), (5, 6), (5, 7)]),  # finer: all four that lie in it
+    ],
+)
+def test_one_change_is_shown_by_the_cells_that_it_lies_in(
+    cell: float, column: int, row: int, shown: list[tuple[int, int]], sign: float
+) -> None:
+    """On grids that begin where the comparison begins; its cells are 2 units wide."""
+    strength = np.zeros((20, 30), np.float32)
+    strength[row, column] = sign * 0.5
+    found = _greatest(strength, window(30, 20), Grid(-30.0, 20.0, cell, 10, 10))
+    assert np.argwhere(found > 0).tolist() == [list(one) for one in shown]
+    assert found.max() == 0.5
 
 
 def test_a_tile_of_all_the_world_costs_little_more_than_a_look_at_each_cell() -> None:

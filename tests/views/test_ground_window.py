@@ -12,8 +12,9 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.views.coverage import Grid
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.views.ground_window import UNSEEN, CanvasWindow, aligned_look
+from gcs_mosaic.views.ground_window import UNSEEN, aligned_look
 from gcs_mosaic.views.pictures import NoPicture
 from tests.views.drawn_flight import LENS, Drawn, drawn_flight, ground, laid_at
 
@@ -35,7 +36,7 @@ def view(tmp_path: Path) -> FlightView:
 
 @pytest.mark.long
 def test_all_show_the_same(view: FlightView) -> None:
-    window = CanvasWindow.about(*PLACE, side=80.0, cells=160)
+    window = Grid.about(*PLACE, side=80.0, cells=160)
     looks = [aligned_look(view, number, 0, window).astype(float)[..., 0] for number in range(1, 5)]
     for look in looks:
         assert look[77:83, 77:83].min() > 200  # what was clicked is in the middle
@@ -45,7 +46,7 @@ def test_all_show_the_same(view: FlightView) -> None:
 
 
 def test_what_a_frame_does_not_see_is_grey(view: FlightView) -> None:
-    window = CanvasWindow.about(250.0 + LENS.width / 2, 250.0, side=80.0, cells=80)
+    window = Grid.about(250.0 + LENS.width / 2, 250.0, side=80.0, cells=80)
     look = aligned_look(view, 1, 0, window)
     assert (look[:, 50:] == UNSEEN).all()
     assert (look[10:70, 5:30] != UNSEEN).any(axis=2).mean() > 0.9
@@ -56,7 +57,7 @@ def test_a_covered_frame_is_laid_by_its_keyframe(tmp_path: Path) -> None:
     root = drawn_flight(
         tmp_path / "flight", [Drawn("key.png", POSES[0], things=mark), Drawn("b.png", POSES[0], things=mark)]
     )
-    window = CanvasWindow.about(*PLACE, side=60.0, cells=60)
+    window = Grid.about(*PLACE, side=60.0, cells=60)
     with Ledger(root / LEDGER_NAME) as ledger:
         ledger.record_covered("b.png", "key.png", ((1.0, 0.0, 12.0), (0.0, 1.0, -7.0), (0.0, 0.0, 1.0)))
         ledger.settle_frame("b.png", FrameState.COVERED)
@@ -67,11 +68,11 @@ def test_a_covered_frame_is_laid_by_its_keyframe(tmp_path: Path) -> None:
 
 
 def test_why_there_is_no_look_is_said(view: FlightView) -> None:
-    window = CanvasWindow.about(*PLACE, side=80.0, cells=80)
+    window = Grid.about(*PLACE, side=80.0, cells=80)
     for number, island, at, why in (
         (99, 0, window, "does not lie there"),
         (1, 7, window, "does not lie there"),
-        (1, 0, CanvasWindow.about(5000.0, 0.0, 80.0, 80), "does not see that place"),
+        (1, 0, Grid.about(5000.0, 0.0, 80.0, 80), "does not see that place"),
     ):
         with pytest.raises(NoPicture, match=why):
             aligned_look(view, number, island, at)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,16 +15,24 @@ import tifffile
 from rich.console import Console
 
 from gcs_mosaic.app.commands.batch import stitch
+from gcs_mosaic.cli.main import main
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.multiband_tiff import export_tiff
 from gcs_mosaic.frames.decode import Unreadable
+from gcs_mosaic.render.display import Display
+from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField
+from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings
 from gcs_mosaic.stitch.mosaic import StitchSettings
-from gcs_mosaic.views import decoding
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.views import decoding, thermal_scale
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import displayed
-from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
+from gcs_mosaic.views.thermal_scale import RangeOfCounts, ThermalScale, ThermalScales
 from tests import thermal
+from tests.notes.written_pins import write_pins
 from tests.sure import sure
 from tests.web.seen_flight import seen_flight
 
@@ -33,6 +42,17 @@ CENTIKELVIN = (
     '<Item name="SCALE" sample="0" role="scale">0.01</Item></GDALMetadata>'
 )
 WHOLE = (CENTIKELVIN,) * 4
+COUNTS = Display(shown=(0, 0, 0), black=(20_000,), white=(21_000,))
+FRAME = RenderItem(
+    name="1.tif",
+    order=0,
+    island=0,
+    pose=Pose(0.0, 0.0),
+    camera=Camera(640, 512),
+    gain=(1.0,),
+    display=COUNTS,
+    level=0,
+)
 
 
 def flown(tmp: Path, told: Sequence[str] = WHOLE) -> Path:
@@ -82,12 +102,29 @@ def test_a_grey_of_the_map_is_the_temperature_that_the_scale_says(out: Path) -> 
     assert sure(scale.within) < 0.1 * (scale.values[-1] - scale.values[0])
 
 
+def tiles_of(out: Path) -> dict[str, bytes]:
+    """All files of the map."""
+    return {
+        path.relative_to(out).as_posix(): path.read_bytes() for path in (out / "tiles").rglob("*") if path.is_file()
+    }
+
+
+def laid_of(out: Path) -> list[tuple[object, ...]]:
+    """Where and how each frame is painted."""
+    with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
+        found: list[tuple[object, ...]] = [(one.name, one.pose, one.gain, one.display) for one in ledger.painted(0)]
+    assert len(found) == 4
+    return found
+
+
 @pytest.mark.long
 def test_the_tag_changes_no_pixel_and_no_place(out: Path, tmp_path: Path) -> None:
     """Only words come of it."""
     other = flown(tmp_path, ("",) * 4)
-    for path in sorted((out / "tiles").rglob("*.*")):
-        assert path.read_bytes() == (other / path.relative_to(out)).read_bytes()
+    tiles = tiles_of(out)
+    assert len(tiles) > 4
+    assert tiles_of(other) == tiles
+    assert laid_of(other) == laid_of(out)
     scale = scale_of(other)
     assert (scale.kind, scale.unit) == ("counts", "counts")
     assert scale.values[0] * 0.01 - 273.15 == pytest.approx(scale_of(out).values[0], abs=0.06)
@@ -107,7 +144,7 @@ def test_an_original_that_is_gone_leaves_the_others_word(copied: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_export_bears_the_unit(out: Path, tmp_path: Path) -> None:
+def test_the_export_of_the_cameras_own_counts_bears_the_unit(out: Path, tmp_path: Path) -> None:
     said = export_tiff(out, tmp_path / "map.tif", gains=False)
     assert "degrees Celsius = 0.01 x count -273.15" in said
     with tifffile.TiffFile(tmp_path / "map.tif") as file:
@@ -115,6 +152,21 @@ def test_the_export_bears_the_unit(out: Path, tmp_path: Path) -> None:
     assert 'role="unittype">degC<' in text
     assert 'role="scale">0.01<' in text
     assert 'role="offset">-273.15<' in text
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("form", ["tiff", "geotiff"])
+def test_counts_that_gains_have_changed_are_not_called_degrees(
+    copied: Path, tmp_path: Path, form: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_pins(copied, [(0.0, 0.0, 7.0, 44.5), (100.0, 0.0, 7.001, 44.5)])
+    bands = ["--bands"] if form == "geotiff" else []
+    assert main(["export", str(copied), "--format", form, *bands, "--to", str(tmp_path / "map.tif")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "degrees Celsius" not in said
+    assert "--no-gains writes those that the camera tells" in said
+    with tifffile.TiffFile(tmp_path / "map.tif") as file:
+        assert not [tag for tag in file.pages[0].tags.values() if "degC" in str(tag.value)]  # type: ignore[union-attr]
 
 
 def palette(counts: np.ndarray) -> np.ndarray:
@@ -160,3 +212,37 @@ def test_what_cannot_be_read_for_a_moment_is_asked_for_again(tmp_path: Path, mon
     tries = len(asked)
     assert sure(scales.of(0)[1]).kind == "palette"
     assert len(asked) == tries
+
+
+def range_of(*shown: RenderItem) -> RangeOfCounts:
+    return RangeOfCounts(COUNTS, shown, None)
+
+
+def test_what_is_told_of_the_scale_includes_all_that_changes_tones() -> None:
+    """The bar would say that greys are sure to a count where a corner is shown a tenth darker."""
+    assert sure(thermal_scale.scale_of(range_of(FRAME)).within) == 0.0
+    dark_corners = replace(FRAME, vignetting=((0.0, -0.2, 0.0),))
+    lit = replace(FRAME, light=LightField(np.full(COLUMNS * ROWS, 13, np.int8).tobytes()))  # a tenth everywhere
+    assert sure(thermal_scale.scale_of(range_of(lit)).within) == pytest.approx(
+        1000 * (math.exp(13 / 128) - 1), rel=0.01
+    )
+    assert sure(thermal_scale.scale_of(range_of(dark_corners)).within) > 50
+    one_of_ten = thermal_scale.scale_of(range_of(lit, *[FRAME] * 9))
+    assert 0 < sure(one_of_ten.within) < sure(thermal_scale.scale_of(range_of(lit)).within)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_a_palette_is_told_by_levels_not_by_raw_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bits: int
+) -> None:
+    """Nearly grey pictures of 16 bits differ by hundreds of counts between their bands."""
+    rng = np.random.default_rng(7)
+    grey = cv2.resize(rng.uniform(0.2, 0.8, (9, 12)), (240, 180))[..., None]
+    soil = np.clip(grey + np.array([-0.02, 0.0, 0.02]) * (1 + grey), 0, 1)
+    most = 2**bits - 1
+    monkeypatch.setattr(decoding, "original_pixels", lambda *_: np.rint(soil * most).astype(f"uint{bits}"))
+    view = FlightView(seen_flight(tmp_path).root)
+    painted = view.painted
+    of_bits = Display(white=(most,) * 3)
+    monkeypatch.setattr(view, "painted", lambda number: replace(sure(painted(number)), display=of_bits))
+    assert ThermalScales(view).of(0)[1] is None

@@ -1,4 +1,5 @@
-"""What tests of the page share: a browser, its feed of changes, a certificate for HTTPS on loopback."""
+"""What tests of the page share: a browser, a small flight and its server, a feed of changes, a certificate for HTTPS on
+loopback."""
 
 from __future__ import annotations
 
@@ -12,6 +13,9 @@ import pytest
 from gcs_mosaic.web import app
 from gcs_mosaic.web.feed import Feed
 from tests.web.browser import Page, open_browser
+from tests.web.seen_flight import seen_flight
+from tests.web.served import served
+from tests.web.small_flight import SmallFlight
 
 
 @pytest.fixture(scope="module")
@@ -20,6 +24,19 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     with open_browser(tmp_path_factory.mktemp("profile")) as opened:
         opened.resize(1280, 800)
         yield opened
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> SmallFlight:
+    return seen_flight(tmp_path)
+
+
+@pytest.fixture
+def url(flight: SmallFlight, page: Page) -> Iterator[str]:
+    """Of the flight's page, which is left before its server ends."""
+    with served(flight.root) as address:
+        yield address
+        page.open("about:blank")
 
 
 @pytest.fixture

@@ -12,10 +12,9 @@ import pytest
 
 from gcs_mosaic.store.manifest import IslandEntry
 from gcs_mosaic.store.status import AircraftStatus, Condition
-from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.server import WebServer
-from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.browser import CHROMIUM, Page
 from tests.web.seen_flight import seen_flight
+from tests.web.served import served
 from tests.web.small_flight import SmallFlight
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
@@ -78,12 +77,6 @@ SHARE = """(({ left, top, right, bottom }) => (right - left) * (bottom - top) / 
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
-
-
-@pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> SmallFlight:
     flight = seen_flight(tmp_path_factory.mktemp("flight"))
     flight.islands += [
@@ -95,10 +88,9 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> SmallFlight:
 
 @pytest.fixture(scope="module")
 def url(flight: SmallFlight, page: Page) -> Iterator[str]:
-    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0))
-    yield server.start()
-    page.open("about:blank")
-    server.stop()
+    with served(flight.root) as address:
+        yield address
+        page.open("about:blank")
 
 
 def told(flight: SmallFlight, aircraft: int, conditions: int) -> None:

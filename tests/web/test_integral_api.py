@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.server import WebServer
 from tests.ended_flights import ended_flight, photographed
-from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.browser import CHROMIUM, Page
+from tests.web.served import served
 
 pytestmark = pytest.mark.long
 TOLD, SAID = (f"document.getElementById('trees-{one}')" for one in ("told", "said"))
@@ -34,9 +33,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def url(flown: Path) -> Iterator[str]:
-    server = WebServer(flown, HttpAddress("127.0.0.1", 0))
-    yield server.start()
-    server.stop()
+    with served(flown) as address:
+        yield address
 
 
 def seen_by(flight: Path, least: int, most: int) -> tuple[int, float, float]:
@@ -113,23 +111,66 @@ def click(page: Page, x: float, y: float) -> None:
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
-def test_a_lens_opens_moves_and_says_why_not(url: str, flown: Path, tmp_path: Path) -> None:
+def test_a_lens_opens_moves_and_says_why_not(url: str, flown: Path, page: Page) -> None:
     _, x, y = seen_by(flown, 3, 9)
     _, lonely_x, lonely_y = seen_by(flown, 1, 1)
-    with open_browser(tmp_path / "profile") as page:
-        page.open(url)
-        page.wait_for(
-            "document.documentElement.dataset.begun && document.querySelector('#map .leaflet-tile-pane img')", 30
-        )
-        page.evaluate("document.getElementById('open-trees').click()")
-        page.evaluate(HEAR)
-        click(page, x, y)
-        page.wait_for(f"{TOLD}.dataset.looks >= 3", 60)
-        assert page.evaluate("document.querySelectorAll('img.lens').length") == 1
-        page.evaluate(MOVE)
-        page.wait_for(f"{TOLD}.textContent.includes(' 4.0 %')", 30)
-        click(page, lonely_x, lonely_y)
-        page.wait_for(f"{SAID}.textContent.includes('Only one frame')", 30)
-        assert page.evaluate("document.querySelectorAll('img.lens').length") == 0
-        assert page.complaints == []
-        page.open("about:blank")
+    page.open(url)
+    page.wait_for("document.documentElement.dataset.begun && document.querySelector('#map .leaflet-tile-pane img')", 30)
+    page.evaluate("document.getElementById('open-trees').click()")
+    page.evaluate(HEAR)
+    click(page, x, y)
+    page.wait_for(f"{TOLD}.dataset.looks >= 3", 60)
+    assert page.evaluate("document.querySelectorAll('img.lens').length") == 1
+    page.evaluate(MOVE)
+    page.wait_for(f"{TOLD}.textContent.includes(' 4.0 %')", 30)
+    click(page, lonely_x, lonely_y)
+    page.wait_for(f"{SAID}.textContent.includes('Only one frame')", 30)
+    assert page.evaluate("document.querySelectorAll('img.lens').length") == 0
+    assert page.complaints == []
+    page.open("about:blank")
+
+
+PIXEL = base64.b64encode(cv2.imencode(".jpg", np.zeros((8, 8), np.uint8))[1].tobytes()).decode()
+TELL = """import('/viewer/page.js').then(({ modules: { trees: { Trees } } }) => {
+  const { lay } = Trees.prototype;
+  Trees.prototype.lay = function (...place) {
+    this.measure = { scales: new Map([[0, { metres_per_unit: 0.5 }]]) };
+    lay.apply(this, place);
+  };
+  const real = window.fetch;
+  window.fetch = async (address, ...rest) =>
+    String(address).includes('/integral?') ? new Response(JSON.stringify(window.lens)) : real(address, ...rest);
+})"""
+TEXT = f"{TOLD}.textContent"
+
+
+def lens_told(**other: object) -> str:
+    told: dict[str, object] = {"map_revision": 1 << 40, "height": -0.1, "ground": None, "lowest": -0.4, "highest": 0.5}
+    told |= {"flying_height": 200.0, "known_to": 1.25, "looks": 30, "spread_deg": 40.0, "width": 0.5, "lost": 0}
+    told |= {"left_out": 0, "left": 0.0, "top": 0.0, "side": 50.0, "picture": PIXEL, "hints": []}
+    return json.dumps(told | other)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_a_lens_tells_what_is_not_known_of_it(url: str, page: Page) -> None:
+    """Metres only with how far the focal length is known, and no ground where none was found."""
+    ground = "document.getElementById('trees-ground').textContent"
+    page.open(url)
+    page.wait_for("document.documentElement.dataset.begun && document.querySelector('#map .leaflet-tile-pane img')", 30)
+    page.evaluate("document.getElementById('open-trees').click()")
+    page.evaluate(HEAR)
+    page.evaluate(TELL)
+    page.evaluate(f"void (window.lens = {lens_told()})")
+    click(page, 10, 10)
+    page.wait_for(f"{TEXT}.includes('about -10.0 m (-12.5 to -8.0 m)')", 30)
+    assert page.evaluate(ground) == "To the map's ground"
+    assert "more looks" not in page.evaluate(TEXT)
+    page.evaluate(f"void (window.lens = {lens_told(known_to=None, ground=-0.05, left_out=7, map_revision=0)})")
+    click(page, 10, 10)
+    page.wait_for(f"{TEXT}.includes('7 more looks')", 30)
+    assert page.evaluate(ground) == "To the ground"
+    assert " m (" not in page.evaluate(TEXT)
+    assert "the pictures do not tell the angle of view" in page.evaluate(TEXT)
+    assert "The map has changed since the lens was opened" in page.evaluate(TEXT)
+    assert page.complaints == []
+    page.open("about:blank")

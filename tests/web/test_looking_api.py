@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from gcs_mosaic.notes.search import looking
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.views import flight_view
-from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api import looking as looking_api
 from gcs_mosaic.web.api import reviews as reviews_api
-from gcs_mosaic.web.server import WebServer
 from tests.factories import frame
 from tests.web.seen_flight import CAMERA, HOLE, seen_flight
+from tests.web.served import served
 from tests.web.small_flight import SmallFlight
 from tests.web.test_notes_api import Writer
 
@@ -37,9 +38,8 @@ def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SmallFlight:
 
 @pytest.fixture
 def looker(shared: SmallFlight) -> Iterator[Writer]:
-    server = WebServer(shared.root, HttpAddress("127.0.0.1", 0))
-    yield Writer(server.start())
-    server.stop()
+    with served(shared.root) as url:
+        yield Writer(url)
 
 
 def post(looker: Writer, body: dict[str, Any]) -> Any:
@@ -107,6 +107,23 @@ def test_what_was_painted_during_a_look_about_is_to_be_reviewed(shared: SmallFli
     told = looker.get(query)
     assert told["reviewed"]
     assert len(told["missing"]) >= 4, every
+
+
+@pytest.mark.long
+def test_leases_end_by_themselves(looker: Writer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(looking, "LENT_S", 4.0)
+    first = post(looker, ASKED)["patch"]
+    other = post(looker, ASKED | {"session": "b", "who": "b"})
+    assert apart(first["box"], other["patch"]["box"])
+    assert [one["who"] for one in other["others"]] == ["a"]
+    assert looker.send("POST", "/looking/keep", {"session": "a"})[1] == {"kept": True}
+    time.sleep(4.5)
+    assert looker.send("POST", "/looking/keep", {"session": "a"})[1] == {"kept": False}
+    assert post(looker, ASKED | {"session": "c", "who": "c"})["patch"]["box"] == first["box"]
+
+
+def apart(one: list[float], other: list[float]) -> bool:
+    return one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
 
 
 def test_of_a_part_without_frames_nothing_is_known(looker: Writer) -> None:

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.server import WebServer
 from tests.sure import sure
 from tests.views.drawn_flight import Drawn, drawn_flight, laid_at
 from tests.web.browser import CHROMIUM, Page
+from tests.web.served import served
 from tests.web.test_app import Client
 
 LOOKS = 6
@@ -26,9 +25,8 @@ def url(tmp_path: Path) -> Iterator[str]:
     frames = [
         Drawn(f"{n}.png", Pose(200.0 + 40 * n, 250.0, yaw=0.4 * n), things=laid_at(*WAY[n], 5)) for n in range(LOOKS)
     ]
-    server = WebServer(drawn_flight(tmp_path / "flight", frames), HttpAddress("127.0.0.1", 0))
-    yield server.start()
-    server.stop()
+    with served(drawn_flight(tmp_path / "flight", frames)) as address:
+        yield address
 
 
 @pytest.mark.parametrize(
@@ -68,7 +66,7 @@ class TestLooksInABrowser:
         })()""")
         press(page, at)
         page.wait_for("!document.getElementById('originals').hidden", 20)
-        key(page, "s")
+        page.key("s")
         crops = "[...document.querySelectorAll('#originals-looks img')]"
         page.wait_for(f"{crops}.length > 3 && {crops}.every((one) => one.complete && one.naturalWidth === 320)", 30)
         times = page.evaluate("[...document.querySelectorAll('#originals-looks small')].map((one) => one.textContent)")
@@ -77,17 +75,17 @@ class TestLooksInABrowser:
         assert sum("the best look" in text for text in times) == 1
         sides = f"new URL({crops}[0].src).searchParams.get('side')"
         side = float(page.evaluate(sides))
-        key(page, "+")
+        page.key("+")
         assert float(page.evaluate(sides)) == pytest.approx(side / 2)
         focused = "[...document.querySelectorAll('#originals-looks button')].indexOf(document.activeElement)"
         before = page.evaluate(focused)
-        key(page, "ArrowRight")
+        page.key("ArrowRight")
         assert page.evaluate(focused) == before + 1 > 0
         name = page.evaluate("document.activeElement.title")
-        key(page, "Enter")
+        page.key("Enter")
         page.wait_for("!document.getElementById('original').hidden", 20)
         assert name in page.evaluate("document.getElementById('originals-title').textContent")
-        key(page, "Escape")
+        page.key("Escape")
         page.wait_for("document.getElementById('originals').hidden")
         assert page.complaints == []
 
@@ -111,12 +109,3 @@ class TestLooksInABrowser:
 def press(page: Page, at: list[float]) -> None:
     for kind in ("mousePressed", "mouseReleased"):
         page.command("Input.dispatchMouseEvent", type=kind, x=at[0], y=at[1], button="left", clickCount=1)
-
-
-def key(page: Page, name: str) -> None:
-    """Of the keyboard, at what is focused."""
-    if name == "Enter":
-        page.evaluate("document.activeElement.click()")
-        return
-    event = f"new KeyboardEvent('keydown', {{ key: '{name}', bubbles: true }})"
-    page.evaluate(f"(document.activeElement ?? document.body).dispatchEvent({event})")

@@ -28,6 +28,7 @@ from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.token import Access
 from tests.notes.mapped import MappedFlight
 from tests.running import until
+from tests.web.served import served
 from tests.web.test_access import lan_address
 from tests.web.test_app import Client, Live
 
@@ -160,22 +161,19 @@ def test_two_pages_see_each_others_finds_within_a_second(client: Writer, flight:
 
 def test_what_another_program_writes_is_told_too(flight: MappedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(notes_module, "KEEP_S", 0.05)
-    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed())
-    client = Writer(server.start())
-    client.send("POST", "/finds", HERE)
-    page = Live(client)
-    heard = [page.line() for _ in range(3)]
-    other = NotesBook(flight.root)
-    Finds(other).delete(1, 1, "Lou")
-    other.close()
-    assert (heard[1:], page.line(), page.message()) == (
-        ["event: notes", 'data: {"revision":1}'],
-        "event: notes",
-        {"revision": 2},
-    )
-    assert (client.get("/finds")["revision"], client.get("/finds")["finds"]) == (2, [])
-    page.close()
-    server.stop()
+    with served(flight.root, feed=Feed()) as url:
+        client = Writer(url)
+        client.send("POST", "/finds", HERE)
+        with closing(Live(client)) as page:
+            heard = [page.line() for _ in range(3)]
+            with closing(NotesBook(flight.root)) as other:
+                Finds(other).delete(1, 1, "Lou")
+            assert (heard[1:], page.line(), page.message()) == (
+                ["event: notes", 'data: {"revision":1}'],
+                "event: notes",
+                {"revision": 2},
+            )
+            assert client.get("/finds") == {"revision": 2, "map_revision": 3, "cot": False, "finds": []}
 
 
 def test_a_file_that_is_deleted_comes_back_before_anybody_asks(

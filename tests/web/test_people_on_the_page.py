@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from gcs_mosaic.web.server import WebServer
 from tests.factories import trigger_event
 from tests.ports import free_port
 from tests.tiers import thorough
-from tests.web.browser import CHROMIUM, Page, open_browser
+from tests.web.browser import CHROMIUM, Page
 from tests.web.seen_flight import seen_flight
 from tests.web.small_flight import SmallFlight
 from tests.web.test_notes_api import Writer
@@ -42,25 +41,6 @@ FLY, SEARCH, REPORT = (
 )
 PANELS = [*FLY, *SEARCH, *REPORT, "look", "detection"]
 UNFOLD = "document.querySelectorAll('#elsewhere details').forEach((one) => { one.open = true; })"
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with open_browser(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
-
-
-@pytest.fixture
-def flight(tmp_path: Path) -> SmallFlight:
-    return seen_flight(tmp_path)
-
-
-@pytest.fixture
-def url(flight: SmallFlight, page: Page) -> Iterator[str]:
-    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0))
-    yield server.start()
-    page.open("about:blank")
-    server.stop()
 
 
 class Person:

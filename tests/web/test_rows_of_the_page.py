@@ -14,7 +14,7 @@
 | 10 | one fact told three times, and yellow when it is over | here |
 | 11 | a tool stays armed, "Escape" on a phone | `test_people_on_the_page::test_lengths_a_scale_and_a_person_s_size` |
 | 12 | no answers for the whole area, review of an idle page | `test_people_on_the_page::test_what_was_looked_at_closely_...` |
-| 13 | exports without an anchor are empty without a word | `tests/notes/finds`, `test_calm_layout` |
+| 13 | exports without an anchor are empty without a word | here; the files' own words: `tests/notes/finds` |
 | 14 | times without a date, in three formats; triggers of folders | here |
 | 15 | two yellow frames while playing; no time | here |
 | 16 | keys in another order than the buttons | `test_people_on_the_page::test_keys_do_what_the_sheet_says` |
@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -38,18 +37,18 @@ from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.store.records import Accounts, NoticeRecord
 from gcs_mosaic.store.status import Condition
 from gcs_mosaic.store.told_documents import FrameAccount
-from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.feed import Feed
-from gcs_mosaic.web.server import WebServer
+from tests.notes.written_pins import write_pins
 from tests.sure import sure
 from tests.web.browser import CHROMIUM, Page
-from tests.web.seen_flight import seen_flight
 from tests.web.small_flight import MIDDLE, RED, SmallFlight
 from tests.web.test_fresh_answers import fill_the_hole
+from tests.web.test_notes_api import Writer
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
 
 SHOWN = "document.querySelectorAll('.leaflet-tile-loaded img').length > 0"
+SETTLED = "!document.querySelector('.leaflet-zoom-anim, .on-its-way, .leaflet-tile:not(.leaflet-tile-loaded)')"
 BEHIND = "The map is 16 frames, 48 s behind: the newest are stitched first"
 SLIDE = """((value) => {
   const slider = document.getElementById("flight-slider");
@@ -59,19 +58,6 @@ SLIDE = """((value) => {
 # What is in sight: not what is told to screen readers alone.
 SIGHT = "document.getElementById('strip').innerText + document.querySelector('main').innerText"
 DATED = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
-
-
-@pytest.fixture
-def flight(tmp_path: Path) -> SmallFlight:
-    return seen_flight(tmp_path)
-
-
-@pytest.fixture
-def url(flight: SmallFlight, page: Page) -> Iterator[str]:
-    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0))
-    yield server.start()
-    page.open("about:blank")
-    server.stop()
 
 
 def test_row_10_one_fact_is_told_once_and_goes_when_it_is_over(page: Page, url: str, flight: SmallFlight) -> None:
@@ -88,6 +74,24 @@ def test_row_10_one_fact_is_told_once_and_goes_when_it_is_over(page: Page, url: 
     page.wait_for("document.getElementById('state').className === 'good'")
     assert "behind" not in page.evaluate(SIGHT)
     assert page.evaluate("document.getElementById('chip').hidden")
+
+
+def test_row_13_finds_without_an_anchor_are_said_to_be_nowhere_for_others(
+    page: Page, url: str, flight: SmallFlight
+) -> None:
+    earth = "document.getElementById('finds-earth')"
+    page.open(url)
+    page.evaluate("document.getElementById('phase-report').click()")
+    page.wait_for("document.querySelector('#finds a[href$=\"finds.kml\"]').getClientRects().length > 0")
+    assert page.evaluate(f"{earth}.hidden"), "there is no find that could be missed"
+    Writer(url).send("POST", "/finds", {"island": 0, "x": 20, "y": 30, "label": "tent", "who": "Kim"})
+    page.wait_for(f"{earth}.getClientRects().length > 0")
+    assert page.evaluate(f"{earth}.innerText").startswith("Without an anchor GeoJSON and KML hold no coordinates")
+    write_pins(flight.root, [(x, y, 8.5 + 1e-6 * x, -1e-6 * y) for x, y in ((0, 0), (700, 0), (700, 400))])
+    page.open(url)
+    page.evaluate("document.getElementById('phase-report').click()")
+    page.wait_for("document.getElementById('finds-list').innerText.includes('tent')")
+    assert page.evaluate(f"{earth}.hidden")
 
 
 def test_row_14_times_have_a_date_and_one_format(page: Page, url: str, flight: SmallFlight) -> None:
@@ -166,7 +170,7 @@ def test_row_18_no_edge_of_a_tile_is_seen(page: Page, url: str, flight: SmallFli
         for _ in range(5):  # from a quarter of a level to beyond the finest
             page.evaluate("document.querySelector('.leaflet-control-zoom-in').click()")
             time.sleep(0.5)  # its animation
-            page.wait_for("!document.querySelector('.on-its-way, .leaflet-tile:not(.leaflet-tile-loaded)')")
+            page.wait_for(SETTLED)
             page.screenshot(tmp_path / "seen.png")
             middle = sure(cv2.imread(str(tmp_path / "seen.png")))[250:650, 300:1000].astype(int)
             usual = np.median(middle, axis=(0, 1))

@@ -15,11 +15,9 @@ from gcs_mosaic.render.display import Display
 from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.web.address import HttpAddress
-from gcs_mosaic.web.server import WebServer
 from tests.sure import sure
-from tests.web.browser import CHROMIUM, Page, open_browser
-from tests.web.seen_flight import seen_flight
+from tests.web.browser import CHROMIUM, Page
+from tests.web.served import served
 from tests.web.small_flight import MIDDLE, SmallFlight
 from tests.web.test_app import Client
 
@@ -29,9 +27,8 @@ COUNTS = Display((0, 0, 0), (27_000,), (29_000,))
 
 
 @pytest.fixture
-def flight(tmp_path: Path) -> SmallFlight:
+def flight(flight: SmallFlight) -> SmallFlight:
     """Frames of counts without a unit; two tiles of faint structure side by side."""
-    flight = seen_flight(tmp_path)
     with Ledger(flight.root / LEDGER_NAME) as ledger:
         for one in ledger.painted(0):
             ledger.record_painted(replace(one, display=COUNTS, gain=(1.0,)))
@@ -48,9 +45,8 @@ def flight(tmp_path: Path) -> SmallFlight:
 
 @pytest.fixture
 def url(flight: SmallFlight) -> Iterator[str]:
-    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0))
-    yield server.start()
-    server.stop()
+    with served(flight.root) as address:
+        yield address
 
 
 def seen(page: Page, path: Path) -> np.ndarray:
@@ -81,21 +77,22 @@ def test_counts_without_a_unit_are_told_as_counts(url: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no browser here")
-def test_the_bar_shows_and_the_switch_makes_haze_clearer_without_borders_of_tiles(url: str, tmp_path: Path) -> None:
-    with open_browser(tmp_path / "profile") as page:
-        page.resize(1900, 1400)
-        page.open(url)
-        page.wait_for("!document.getElementById('thermal').hidden")
-        said = page.evaluate("document.getElementById('thermal').innerText")
-        assert "Counts of the camera" in said
-        assert "27000" in said
-        page.wait_for(f"document.querySelector('{IMAGE}')?.complete")
-        before = seen(page, tmp_path / "before.png")
-        page.evaluate("document.getElementById('look-local').click()")
-        page.wait_for("getComputedStyle(document.querySelector('.leaflet-tile-pane')).filter.includes('local')")
-        after = seen(page, tmp_path / "after.png")
-        assert after.std() > 2.5 * before.std()
-        assert step_between_tiles(after) < 1.3 * step_between_tiles(before)
-        page.evaluate("document.getElementById('look-plain').click()")
-        np.testing.assert_array_equal(seen(page, tmp_path / "again.png"), before)
-        assert page.complaints == []
+def test_the_bar_shows_and_the_switch_makes_haze_clearer_without_borders_of_tiles(
+    url: str, page: Page, tmp_path: Path
+) -> None:
+    page.resize(1900, 1400)
+    page.open(url)
+    page.wait_for("!document.getElementById('thermal').hidden")
+    said = page.evaluate("document.getElementById('thermal').innerText")
+    assert "Counts of the camera" in said
+    assert "27000" in said
+    page.wait_for(f"document.querySelector('{IMAGE}')?.complete")
+    before = seen(page, tmp_path / "before.png")
+    page.evaluate("document.getElementById('look-local').click()")
+    page.wait_for("getComputedStyle(document.querySelector('.leaflet-tile-pane')).filter.includes('local')")
+    after = seen(page, tmp_path / "after.png")
+    assert after.std() > 2.5 * before.std()
+    assert step_between_tiles(after) < 1.3 * step_between_tiles(before)
+    page.evaluate("document.getElementById('look-plain').click()")
+    np.testing.assert_array_equal(seen(page, tmp_path / "again.png"), before)
+    assert page.complaints == []

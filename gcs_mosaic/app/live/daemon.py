@@ -189,6 +189,7 @@ class _Daemon:
                 elsewhere=lambda name: elsewhere(self._sources, name),
                 may_write=lambda: self._output.is_ours(),
             ),
+            paint_first=True,
             checkpoints=opened.checkpoints,
             shelf=opened.shelf,
         )
@@ -334,6 +335,8 @@ class _Daemon:
                 self._set_aside_as_again(prepared.frame)
                 return
             self._note_done(self._driver.process(prepared, self._begin_next), prepared.frame.vehicle)
+            self._pipeline.adjust()
+            self._driver.save()
             self._pipeline.checkpoint()
         elif self._repainting() and self._pipeline.repaint_some():
             self._driver.save()

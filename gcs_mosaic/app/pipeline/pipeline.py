@@ -62,9 +62,10 @@ class Pipeline(Kept):
     are reported.
 
     `say` receives notices for the operator; `around` is the store's. `punctual`: the same frames always give the same map,
-    whatever the machine's speed. `paint_live`: paint each frame on arrival, not all at the end. `observer` is called while
-    frames are placed. `checkpoints`: where checkpoints are written, if any; `shelf`: where features are, its own by default;
-    `camera_of` tells whose camera took a frame.
+    whatever the machine's speed. `paint_live`: paint each frame on arrival, not all at the end. `paint_first`: and before the
+    map is adjusted to it, for which `adjust` is called afterwards. `observer` is called while frames are placed. `checkpoints`:
+    where checkpoints are written, if any; `shelf`: where features are, its own by default; `camera_of` tells whose camera took a
+    frame.
     """
 
     FIXED = frozenset(
@@ -78,6 +79,7 @@ class Pipeline(Kept):
             "_of_flight",
             "_camera_of",
             "_stitch",
+            "_paint_first",
         }
     )
 
@@ -90,6 +92,7 @@ class Pipeline(Kept):
         *,
         punctual: bool = False,
         paint_live: bool = True,
+        paint_first: bool = False,
         observer: Observer | None = None,
         checkpoints: Checkpoints | None = None,
         shelf: ArrayShelf | None = None,
@@ -113,7 +116,7 @@ class Pipeline(Kept):
         self._reduction, self._camera_of, self._stitch = config.reduction, camera_of, config.stitch
         self._processed: dict[str, None] = {}  # frame names, in order of processing
         self._of_flight = _of_flight(config)
-        self._checkpoints, self._say = checkpoints, say
+        self._checkpoints, self._say, self._paint_first = checkpoints, say, paint_first
         self._render_stage = RenderStage(self._renderer, self.store, self, self.load_original, say)
 
     @property
@@ -242,7 +245,8 @@ class Pipeline(Kept):
         with stage("place", name):
             in_sight = self._renderer.in_sight(prepared.features, prepared.image, aircraft)
             outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), aircraft)
-        self._adjusted(self.mosaic.adjust, name)
+        if not self._paint_first:
+            self._adjusted(self.mosaic.adjust, name)
         placed = time.perf_counter()
         state, reason = _state_of(outcome)
         if state is not FrameState.REJECTED:
@@ -257,6 +261,12 @@ class Pipeline(Kept):
         island = outcome.island if isinstance(outcome, Placement) else None
         on_map = (*found, name) if covered_by else found
         return Done(name, state, reason, island, prepared.seconds | seconds, covered_by, on_map)
+
+    def adjust(self) -> None:
+        """Adjust what has grown, after each frame that was painted first. Call `save` afterwards."""
+        self._adjusted(self.mosaic.adjust)
+        with transaction(self):
+            self._paint_moved(None)
 
     def repaint_some(self) -> bool:
         """Use spare time to repaint a moved frame; False if there is nothing to do. Call `save` afterwards."""

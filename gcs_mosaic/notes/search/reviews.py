@@ -2,8 +2,8 @@
 
 Cells are those of the canvas when it was looked at, and are not carried along when islands join: ground that may not have been
 looked at counts as not reviewed. So does a cell over which a frame was painted since: it may show something else, and nobody can
-tell without looking. Looks of some seconds are held in memory and written together, so that people who look about do not keep the
-disk busy: a kill loses the last `FLUSH_S` of them.
+tell without looking; the seconds that somebody looked at it begin anew. Looks of some seconds are held in memory and written
+together, so that people who look about do not keep the disk busy: a kill loses the last `FLUSH_S` of them.
 """
 
 from __future__ import annotations
@@ -80,9 +80,10 @@ class Reviews:
         now = time.time()
         for x, y in cells:
             key = (look.island, x, y, look.who, look.level)
-            before = self._pending.get(key)
             stamp = None if look.stamps is None else look.stamps.get((x, y), 0)
-            self._pending[key] = ((before[0] if before else 0.0) + look.seconds, now, stamp)
+            before = self._pending.get(key, (0.0, now, stamp))
+            seconds = look.seconds + (before[0] if before[2] == stamp else 0.0)
+            self._pending[key] = seconds, now, stamp
         return len(cells)
 
     def flush_if_due(self) -> None:
@@ -104,26 +105,23 @@ class Reviews:
                 file.write(
                     "INSERT INTO reviewed (island, x, y, reviewer, level, seconds, utc, newest) VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
                     "ON CONFLICT (island, x, y, reviewer, level) "
-                    "DO UPDATE SET seconds = seconds + excluded.seconds, utc = excluded.utc, newest = excluded.newest",
+                    "DO UPDATE SET seconds = excluded.seconds + CASE WHEN newest IS excluded.newest THEN seconds ELSE 0 END, "
+                    "utc = excluded.utc, newest = excluded.newest",
                     *(island, x, y, numbers[who], level, seconds, utc, newest),
                 )
         self._pending.clear()
 
-    def reviewed(self, question: Question) -> set[tuple[int, int]]:
-        """The cells (x, y) within the box that were reviewed as is asked, whatever was painted since."""
-        return self.reviewed_as(question, {})
-
-    def reviewed_as(self, question: Question, seen: Mapping[tuple[int, int], int]) -> set[tuple[int, int]]:
-        """The same without those to which frames have come since: `seen` has the stamps of now."""
+    def reviewed(self, question: Question, seen: Mapping[tuple[int, int], int]) -> set[tuple[int, int]]:
+        """The cells (x, y) within the box that were reviewed as is asked, as they are now: of looks since which frames have come
+        to a cell nothing counts. `seen` has the stamps of now."""
         sums: dict[tuple[int, int], float] = {}
-        known: dict[tuple[int, int], bool] = {}
         looks = list(self._looks(question))
         looked = np.array([ALWAYS if stamp is None else stamp for *_, stamp in looks], np.int64)
         now = np.array([seen.get((x, y), 0) for x, y, *_ in looks], np.int64)
         for (x, y, seconds, _), is_known in zip(looks, is_as_seen(looked, now).tolist(), strict=True):
-            sums[x, y] = sums.get((x, y), 0.0) + seconds
-            known[x, y] = known.get((x, y), False) or is_known
-        return {cell for cell, seconds in sums.items() if known[cell] and seconds >= question.seconds}
+            if is_known:
+                sums[x, y] = sums.get((x, y), 0.0) + seconds
+        return {cell for cell, seconds in sums.items() if seconds >= question.seconds}
 
     def open_in(self, ground: StampedGround, island: int, level: int) -> Mask:
         """Which cells of an island's ground (lines, columns) nobody has looked at as they are now, at this level or finer."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -18,7 +20,8 @@ from gcs_mosaic.views.flight_view import FrameTable
 CELL_LEVEL = 17  # a cell is a tile of this level: 128 canvas units, an eighth of a small frame
 CELL = 128.0  # canvas units
 MOST_ASKED = 1 << 18  # cells of one question
-MOST_GROUND = 1 << 22  # cells of an island's box: 2048 each way, 250 small frames side by side; 64 MB
+MOST_GROUND = 1 << 22  # cells of an island's box: 2048 each way, 250 small frames side by side
+KEPT_ISLANDS = 4  # of 32 MB each at most
 # Footprints from the middle of a frame's outline: further away a frame that sees the horizon shows nothing that can be searched.
 REACH = 3.0
 COUNT = 1 << 32  # a stamp is so many times the number of frames, and the number of the newest
@@ -31,11 +34,12 @@ Stamps = NDArray[np.int64]
 @dataclass(frozen=True, slots=True)
 class StampedGround:
     """Cells from (x, y) on. `stamps` (lines, columns) int64: how many frames cover or touch a cell, and the number of the newest
-    of them, as `stamp_of`; 0 where nothing is painted."""
+    of them; 0 where nothing is painted. `is_cut`: of a whole island some is painted beyond these cells."""
 
     x: int
     y: int
     stamps: Stamps
+    is_cut: bool = False
 
     @property
     def box(self) -> Box:
@@ -57,8 +61,8 @@ NOTHING = StampedGround(0, 0, np.zeros((0, 0), np.int64))
 def is_as_seen(looked: Stamps, now: Stamps) -> Mask:
     """Whether no frame has come to cells (n,) since they had the stamps `looked`: neither a newer one nor, placed late, an older
     one. Of looks from before frames were counted only the newest is known."""
-    is_counted = looked >= COUNT
-    return np.asarray(((looked & NUMBERS) >= (now & NUMBERS)) & (~is_counted | (looked // COUNT >= now // COUNT)))
+    is_newest = (looked & NUMBERS) >= (now & NUMBERS)
+    return np.asarray(is_newest & ((looked < COUNT) | (looked // COUNT >= now // COUNT)))
 
 
 def spans(box: Box) -> tuple[range, range]:
@@ -112,24 +116,37 @@ def island_box(table: FrameTable, island: int) -> Box | None:
     return left, top, right, bottom
 
 
+def is_cut_by(table: FrameTable, island: int, box: Box) -> bool:
+    """Whether any frame of an island shows ground beyond a box."""
+    boxes = table.boxes[(table.islands == island) & np.isfinite(table.boxes).all(axis=1)]
+    return bool((boxes[:, :2] < box[:2]).any() or (boxes[:, 2:] > box[2:]).any())
+
+
 class IslandGround:
-    """The whole islands of a flight, each kept until another frame is known. For any thread."""
+    """The whole islands of a flight, those that were asked for last kept until another frame is known. Thread-safe."""
 
     def __init__(self) -> None:
-        self._known: dict[int, tuple[FrameTable, int, StampedGround]] = {}
+        self._lock = threading.Lock()
+        self._known: OrderedDict[int, tuple[FrameTable, int, StampedGround]] = OrderedDict()
 
     def of(self, table: FrameTable, island: int, known_at: float) -> StampedGround:
         """As `ground_within`, of the island's whole box."""
         count = int((table.since <= known_at).sum())
-        known = self._known.get(island)
-        if known is not None and known[0] is table and known[1] == count:
-            return known[2]
-        box = island_box(table, island)
-        if box is None:  # any number may be asked for: only what there is is kept
-            return NOTHING
-        made = ground_within(table, island, box, known_at, MOST_GROUND)
-        self._known[island] = table, count, made
-        return made
+        with self._lock:  # never made twice at once
+            known = self._known.get(island)
+            if known is not None and known[0] is table and known[1] == count:
+                self._known.move_to_end(island)
+                return known[2]
+            box = island_box(table, island)
+            if box is None:  # any number may be asked for: only what there is is kept
+                return NOTHING
+            made = ground_within(table, island, box, known_at, MOST_GROUND)
+            made = replace(made, is_cut=is_cut_by(table, island, box))
+            self._known[island] = table, count, made
+            self._known.move_to_end(island)
+            while len(self._known) > KEPT_ISLANDS:
+                self._known.popitem(last=False)
+            return made
 
 
 def _touched(corners: Array, lines: int, columns: int) -> tuple[tuple[slice, slice], Mask] | None:

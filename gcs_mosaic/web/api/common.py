@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import Annotated, Any, TypeVar
 
 from aiohttp import web
@@ -14,6 +16,8 @@ from gcs_mosaic.store.documents import Limits, told_of
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.tile_answer import tagged
 
+logger = logging.getLogger(__name__)
+
 BASE = "/api/v1"
 MapRevision = Annotated[int, Limits(least=0), "of the map: the answer is as new as this one, or newer"]
 # Of a question: the page tells the newest that it knows, so that no answer is older than what it shows.
@@ -21,6 +25,7 @@ AskedRevision = Annotated[int, Limits(least=0, most=1 << 53), "of the map: the a
 THREADS = 2  # for questions; stitching has priority on the cores
 # A frame is in the ledger before its tiles are written and told of: for so long it may not be on anybody's screen.
 SHOWN_S = 5.0
+TOO_MANY = "Too many ask for this at once: ask again in a moment."
 LARGEST_BODY = 1 << 16  # bytes
 
 VIEW = web.AppKey("view", FlightView)
@@ -42,29 +47,60 @@ async def in_thread(
 
 
 class OneThread:
-    """A thread for one kind of work that takes long; who comes while `most` wait is told so, instead of waiting ever longer."""
+    """A thread for one kind of work that takes long; who comes while `most` wait is told so (`busy`), instead of waiting ever
+    longer. `finishes`: what was asked for is done, also for somebody who does not wait for it."""
 
-    def __init__(self, name: str, most: int) -> None:
-        self.pool = ThreadPoolExecutor(1, thread_name_prefix=name)
-        self._most = most
+    def __init__(self, name: str, most: int, busy: str = TOO_MANY, *, finishes: bool = False) -> None:
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix=name)
+        self._most, self._busy, self._finishes = most, busy, finishes
         self._waiting = 0
 
     async def run(self, work: Callable[..., Result], *given: Any) -> Result:
         """For a question. Raises HTTPServiceUnavailable."""
         if self._waiting >= self._most:
-            raise web.HTTPServiceUnavailable(text="Too many ask for this at once: ask again in a moment.\n")
+            raise web.HTTPServiceUnavailable(text=f"{self._busy}\n")
         self._waiting += 1
         try:
-            return await self.run_anyway(work, *given)
+            doing = asyncio.ensure_future(self.run_anyway(work, *given))
+            return await (asyncio.shield(doing) if self._finishes else doing)
         finally:
             self._waiting -= 1
 
     async def run_anyway(self, work: Callable[..., Result], *given: Any) -> Result:
         """For what nobody asks for."""
-        return await asyncio.get_running_loop().run_in_executor(self.pool, work, *given)
+        return await asyncio.get_running_loop().run_in_executor(self._pool, work, *given)
 
     def end(self) -> None:
-        self.pool.shutdown(wait=False, cancel_futures=True)
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+Work = Callable[[web.Application], Awaitable[None]]
+
+
+def beside(work: Work, end: Work | None = None) -> Callable[[web.Application], AsyncIterator[None]]:
+    """A task that runs as long as the application, and what is done when it has ended."""
+
+    async def run(app: web.Application) -> AsyncIterator[None]:
+        task = asyncio.ensure_future(work(app))
+        yield
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+        if end is not None:
+            await end(app)
+
+    return run
+
+
+async def steadily(step: Callable[[], Awaitable[bool]], pause_s: float) -> None:
+    """Do a step after the other, with a pause after one that tells False; one that fails does not end those that follow."""
+    while True:
+        try:
+            if await step():
+                continue
+        except Exception:
+            logger.exception("a step failed, the next one follows")
+        await asyncio.sleep(pause_s)
 
 
 async def map_revision(request: web.Request, at_least: int = 0) -> int:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -17,9 +15,6 @@ from gcs_mosaic.detection.detection_map import DetectionMap
 from gcs_mosaic.detection.detections import ASKED_S, Detections, units_of_pixel
 from gcs_mosaic.detection.model import WHOLE_PX
 from gcs_mosaic.detection.persons import Clothes, Person, Posture
-from gcs_mosaic.notes.anchors.anchoring import anchored
-from gcs_mosaic.notes.anchors.pins import SetPin
-from gcs_mosaic.notes.anchors.scales import IslandScale, KnownDistance, island_scales
 from gcs_mosaic.notes.storage.checked import FURTHEST, Unfit
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
 from gcs_mosaic.stitch.arrays import PointsNx2
@@ -27,10 +22,10 @@ from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.views.coverage import nearest_cells
 from gcs_mosaic.views.layers import grid_of, is_possible, stops_of, tile_picture
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, OneThread, answer, in_thread, missing
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, OneThread, answer, beside, in_thread, missing, steadily
 from gcs_mosaic.web.api.layers import PLACE, TILES
-from gcs_mosaic.web.api.notes import NOTES, Notes
 from gcs_mosaic.web.api.operations import NO_NOTES, Media, Operations, Reply
+from gcs_mosaic.web.api.scale import scales_of
 from gcs_mosaic.web.tile_answer import tile_answer
 
 OPERATIONS = Operations()
@@ -74,6 +69,11 @@ class DetectionAnswer:
     covered: Annotated[
         float | None, "share of the flown area of which something is stated: these figures leave the rest out"
     ] = None
+    leaves_unknown: Annotated[
+        float | None,
+        "share of the ground of which something is stated, but not whether leaves hide it, since no two looks tell: it is "
+        "taken for as open as the rest, or, where nothing is known of the rest, for open",
+    ] = None
     frames: int
     measured: Annotated[int, "of the frames: the others count for nothing yet"]
     person_px: Annotated[float | None, "side of a square of the person's area in a usual original"]
@@ -98,7 +98,7 @@ class Measuring:
 
     def __init__(self, detections: Detections) -> None:
         self.detections = detections
-        self._asked = -ASKED_S
+        self._asked, self._was_asked = -ASKED_S, False
         self._thread = OneThread("detection", MOST_WAITING)
 
     def note_asked(self) -> None:
@@ -110,14 +110,14 @@ class Measuring:
         return await self._thread.run(work, *given)
 
     async def for_ever(self) -> None:
-        was_asked = False
-        while True:
-            is_asked = time.monotonic() - self._asked < ASKED_S
-            if was_asked and not is_asked:
-                await self._thread.run_anyway(self.detections.forget_pictures)
-            was_asked = is_asked
-            if not is_asked or not await self._thread.run_anyway(self.detections.step):
-                await asyncio.sleep(PAUSE_S)
+        await steadily(self._step, PAUSE_S)
+
+    async def _step(self) -> bool:
+        is_asked = time.monotonic() - self._asked < ASKED_S
+        if self._was_asked and not is_asked:
+            await self._thread.run_anyway(self.detections.forget_pictures)
+        self._was_asked = is_asked
+        return is_asked and await self._thread.run_anyway(self.detections.step)
 
     def end(self) -> None:
         self._thread.end()
@@ -129,15 +129,10 @@ MEASURING = web.AppKey("measuring", Measuring)
 def add_detection(app: web.Application) -> None:
     """Tell how probably a person would have been seen, as long as the application runs."""
     app[MEASURING] = Measuring(Detections(app[VIEW], app[TILES].islands.of))
-    app.cleanup_ctx.append(_kept)
+    app.cleanup_ctx.append(beside(lambda app: app[MEASURING].for_ever(), _ended))
 
 
-async def _kept(app: web.Application) -> AsyncIterator[None]:
-    task = asyncio.create_task(app[MEASURING].for_ever())
-    yield
-    task.cancel()
-    with suppress(asyncio.CancelledError):
-        await task
+async def _ended(app: web.Application) -> None:
     app[MEASURING].end()
 
 
@@ -188,19 +183,6 @@ async def _sought(request: web.Request) -> Sought:
     return Sought(island, person, outline, person.side_m / scale.metres_per_unit, scale.source)
 
 
-async def scales_of(request: web.Request) -> dict[int, IslandScale]:
-    """Each island's scale by what is known of it now, as the page tells it."""
-    notes = request.app[NOTES]
-    (_, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
-    return await in_thread(request, _scales, notes, known, *laid)
-
-
-def _scales(
-    notes: Notes, known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
-) -> dict[int, IslandScale]:
-    return island_scales(known, notes.follower.place, anchored(notes.islands(pins, by_positions)))
-
-
 def _map(request: web.Request, asked: Sought) -> DetectionMap | None:
     if asked.side is None:
         return None
@@ -227,6 +209,7 @@ def _answer(request: web.Request, asked: Sought) -> DetectionAnswer:
         told,
         trouble="".join(found.troubles[:1]),
         covered=found.covered,
+        leaves_unknown=found.leaves_unknown,
         flown=found.within(found.flown),
         seen=found.within(found.is_seen & found.flown),
         part=None if asked.outline is None else found.within(found.cells_in(asked.outline)),

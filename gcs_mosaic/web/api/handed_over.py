@@ -24,11 +24,12 @@ from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, answer, in_thread, missing
-from gcs_mosaic.web.api.detection import MEASURING, scales_of
+from gcs_mosaic.web.api.detection import MEASURING
 from gcs_mosaic.web.api.finds import COT, ONE
 from gcs_mosaic.web.api.layers import TILES
 from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Media, Operations, Reply
+from gcs_mosaic.web.api.scale import scales_of
 from gcs_mosaic.web.guard import POLICY
 from gcs_mosaic.web.tile_answer import tagged
 

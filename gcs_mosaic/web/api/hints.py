@@ -25,7 +25,7 @@ from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import NoPicture, displayed
 from gcs_mosaic.views.sightings import sightings
 from gcs_mosaic.web.api.asked import asked_body
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, told_anew
+from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, answer, in_thread, steadily, told_anew
 from gcs_mosaic.web.api.notes import NOTES, PlacedBody, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Operations, Reply
 from gcs_mosaic.web.hint_keeper import HintKeeper, State
@@ -222,10 +222,12 @@ async def _kept(app: web.Application) -> AsyncIterator[None]:
 
 
 async def _pass_on_for_ever(app: web.Application) -> None:
-    while True:
+    async def step() -> bool:
         with suppress(web.HTTPServiceUnavailable):
             await _pass_on(app)
-        await asyncio.sleep(WISHES_S)
+        return False
+
+    await steadily(step, WISHES_S)
 
 
 async def _pass_on(app: web.Application) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import base64
-from collections.abc import AsyncIterator, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,7 +13,7 @@ from aiohttp import web
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.web.api.asked import asked_query
-from gcs_mosaic.web.api.common import BASE, VIEW, MapRevision, OneThread, answer, map_revision
+from gcs_mosaic.web.api.common import BASE, VIEW, OneThread, answer, beside, steadily
 from gcs_mosaic.web.api.operations import Operations, Reply
 
 if TYPE_CHECKING:
@@ -66,14 +66,20 @@ class HotPlaceAnswer:
 class IntegralAnswer:
     """What a lens shows, and of what it is made. Heights are shares of the flying height above the map's ground."""
 
-    map_revision: MapRevision
+    map_revision: Annotated[
+        int, Limits(least=0), "of the map when the lens was opened; ask without a height to open it anew"
+    ]
     height: float
     ground: Annotated[
         float | None, "where the ground was found by itself; null where looks agree nowhere, or at many heights"
     ]
     lowest: float
     highest: float
-    flying_height: Annotated[float, "canvas units"]
+    flying_height: Annotated[float, "canvas units, as far as the focal length is known"]
+    known_to: Annotated[
+        float | None,
+        "factor within which lengths of heights are known (95 %), as the focal length is; null where it was not estimated",
+    ]
     looks: int
     spread_deg: Annotated[float, "largest angle between two looks"]
     width: Annotated[float, "between the outermost cameras, in flying heights"]
@@ -100,21 +106,21 @@ LENSES = web.AppKey("lenses", LensThread)
 def add_lenses(app: web.Application) -> None:
     """Keep lenses as long as the application runs and somebody looks through them."""
     app[LENSES] = LensThread()
-    app.cleanup_ctx.append(_forgetting)
+    app.cleanup_ctx.append(beside(_forget_for_ever, _ended))
 
 
 @OPERATIONS.add("GET", PATH, Reply("What it shows.", IntegralAnswer), query=IntegralQuery, failures=NO_INTEGRAL)
 async def integral(request: web.Request) -> web.StreamResponse:
     """All looks at a place laid together in focus at a height: what is there stands still, leaves above it blur away."""
-    asked, revision = asked_query(request, IntegralQuery), await map_revision(request)
+    asked = asked_query(request, IntegralQuery)
     thread, island = request.app[LENSES], int(request.match_info["island"])
     try:
-        return answer(await thread.run(_looked, request.app, island, asked, revision))
+        return answer(await thread.run(_looked, request.app, island, asked))
     except UsageError as error:
         raise web.HTTPConflict(text=f"{error}\n") from error
 
 
-def _looked(app: web.Application, island: int, asked: IntegralQuery, revision: int) -> IntegralAnswer:
+def _looked(app: web.Application, island: int, asked: IntegralQuery) -> IntegralAnswer:
     """Raises UsageError."""
     from gcs_mosaic.integral.lens_keeper import LensKeeper, LensWish, as_jpeg  # it loads what decodes
 
@@ -134,20 +140,21 @@ def _looked(app: web.Application, island: int, asked: IntegralQuery, revision: i
         unit_m=asked.unit,
     )
     seen = thread.keeper.look(wish)
-    return _told(seen, as_jpeg(seen, asked.form), revision)
+    return _told(seen, as_jpeg(seen, asked.form))
 
 
-def _told(seen: LensView, picture: bytes, revision: int) -> IntegralAnswer:
+def _told(seen: LensView, picture: bytes) -> IntegralAnswer:
     from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST
 
     window, aperture = seen.lens.window, seen.aperture
     return IntegralAnswer(
-        map_revision=revision,
+        map_revision=seen.lens.revision,
         height=round(seen.height, 5),
         ground=round(seen.focus.height, 5) if seen.focus.known else None,
         lowest=LOWEST,
         highest=HIGHEST,
         flying_height=seen.lens.flying_height,
+        known_to=None if (off := seen.lens.focal_deviation) is None else round(math.exp(2 * off), 4),
         looks=aperture.looks,
         spread_deg=round(aperture.spread_deg, 1),
         width=round(aperture.width / aperture.height, 3),
@@ -164,16 +171,16 @@ def _told(seen: LensView, picture: bytes, revision: int) -> IntegralAnswer:
     )
 
 
-async def _forgetting(app: web.Application) -> AsyncIterator[None]:
+async def _forget_for_ever(app: web.Application) -> None:
     thread = app[LENSES]
 
-    async def forget() -> None:
-        while True:
-            await asyncio.sleep(FORGET_EVERY_S)
-            if thread.keeper is not None:
-                await thread.run_anyway(thread.keeper.forget)
+    async def step() -> bool:
+        if thread.keeper is not None:
+            await thread.run_anyway(thread.keeper.forget)
+        return False
 
-    task = asyncio.create_task(forget())
-    yield
-    task.cancel()
-    thread.end()
+    await steadily(step, FORGET_EVERY_S)
+
+
+async def _ended(app: web.Application) -> None:
+    app[LENSES].end()

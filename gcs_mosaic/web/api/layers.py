@@ -93,6 +93,10 @@ class GroundChangesAnswer:
     flights: Annotated[Sequence[str], "in order of time; none if the map is of one flight"]
     compared: Annotated[int, Limits(least=0), "frames; there are no changes before all are"]
     frames: Annotated[int, Limits(least=0)]
+    ground: Annotated[
+        float | None, "share of the ground that was seen, of which this tells; null before all are compared"
+    ]
+    unshown: Annotated[int, Limits(least=0), "of the frames, which cannot be shown and so not be compared"]
     changes: Sequence[ChangedGroundAnswer]
 
 
@@ -173,7 +177,13 @@ def _changes(view: FlightView, tiles: LayerTiles, island: int) -> GroundChangesA
     flights, _ = merged_flights(view, view.table())
     named = [shown_name(name) for name in flights]
     return GroundChangesAnswer(
-        map_revision=found.revision, flights=named, compared=found.done, frames=found.frames, changes=areas
+        map_revision=found.revision,
+        flights=named,
+        compared=found.done,
+        frames=found.frames,
+        ground=None if found.strength is None else round(found.share, 4),
+        unshown=found.unshown,
+        changes=areas,
     )
 
 

@@ -73,6 +73,7 @@ class LookingAnswer:
     patch: Annotated[LentPatch | None, "null: all was looked at, or others have the rest"]
     counted: Annotated[bool, "whether the last patch counts as looked at: for a second at least, at full sharpness"]
     cells: Annotated[int, "of the island that were seen"]
+    cut: Annotated[bool, "there is ground farther out that is in no patch: it is not in these figures"]
     left: Annotated[int, "of them that are to be looked at"]
     others: Annotated[Sequence[LentPatch], "what other pages have"]
     lent_s: Annotated[float, "for how long, unless it is asked for again"] = LENT_S
@@ -175,6 +176,7 @@ def _next(notes: Notes, asked: PatchWishBody, table: FrameTable, ground: Stamped
         patch=None if patch is None else _told(patch),
         counted=counted,
         cells=int(np.count_nonzero(ground.stamps)),
+        cut=ground.is_cut,
         left=int(np.count_nonzero(is_open)),
         others=[_told(one) for one in others],
     )

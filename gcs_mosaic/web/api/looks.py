@@ -9,6 +9,7 @@ import cv2
 from aiohttp import web
 
 from gcs_mosaic.store.documents import Limits
+from gcs_mosaic.views.coverage import Grid
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.views.pictures import QUALITY, NoPicture
 from gcs_mosaic.web.api.asked import asked_query
@@ -49,9 +50,9 @@ async def look(request: web.Request) -> web.StreamResponse:
 
 def _look(view: FlightView, frame: int, island: int, asked: LookCropQuery) -> bytes:
     """A JPEG. Raises NoPicture."""
-    from gcs_mosaic.views.ground_window import CanvasWindow, aligned_look  # it loads what decodes
+    from gcs_mosaic.views.ground_window import aligned_look  # it loads what decodes
 
-    window = CanvasWindow.about(asked.x, asked.y, asked.side, asked.cells)
+    window = Grid.about(asked.x, asked.y, asked.side, asked.cells)
     done, data = cv2.imencode(".jpg", aligned_look(view, frame, island, window), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     if not done:
         raise NoPicture("This look cannot be encoded.")

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import sqlite3
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -32,13 +29,14 @@ from gcs_mosaic.store.disk import CannotWrite, DiskFull
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.folder import NOTES_NAME
 from gcs_mosaic.views.flight_view import FlightView
-from gcs_mosaic.web.api.common import in_thread
+from gcs_mosaic.web.api.common import OneThread, beside, in_thread, steadily
 from gcs_mosaic.web.feed import Feed
 
 logger = logging.getLogger(__name__)
 
 KEEP_S = 2.0  # between two looks whether the file is still there
 MOST_WAITING = 64  # requests for a disk that answers slowly
+TOO_SLOW = "The disk with the notes is too slow now: nothing was changed."
 CANNOT = (CannotWrite, OSError, UsageError, sqlite3.Error)
 
 Result = TypeVar("Result")
@@ -74,24 +72,15 @@ class Notes:
         self.hint_wishes = HintWishes(self.book)
         self.pins, self._anchoring = Pins(self.book), Anchoring(view, self.follower)
         self._feed = feed
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="notes")
-        self._waiting = 0
+        self._thread = OneThread("notes", MOST_WAITING, TOO_SLOW, finishes=True)
 
     async def run(self, work: Callable[..., Result], *given: Any) -> Result:
         """Work on the notes' own thread; pages are told if something has changed. Raises HTTPServiceUnavailable."""
-        if self._waiting >= MOST_WAITING:
-            raise web.HTTPServiceUnavailable(text="The disk with the notes is too slow now: nothing was changed.\n")
-        self._waiting += 1
         try:
-            # What was begun is brought to its end, also for somebody who does not wait for it.
-            return await asyncio.shield(
-                asyncio.get_running_loop().run_in_executor(self._pool, self._done, work, *given)
-            )
+            return await self._thread.run(self._done, work, *given)
         except CANNOT as error:
             logger.warning("the notes cannot be kept", exc_info=True)
             raise web.HTTPServiceUnavailable(text=f"{sentence_of(error, self.book.path)}\n") from error
-        finally:
-            self._waiting -= 1
 
     def pinned(self) -> tuple[int, list[SetPin], bool]:
         """Revision, the pins, and whether positions may lay the map."""
@@ -129,18 +118,19 @@ class Notes:
         self.book.close()
 
     async def keep_for_ever(self) -> None:
-        loop = asyncio.get_running_loop()
-        await loop.run_in_executor(self._pool, self.open)
-        while True:
-            await asyncio.sleep(KEEP_S)
-            await loop.run_in_executor(self._pool, self.keep)
+        await self._thread.run_anyway(self.open)
+        await steadily(self._kept, KEEP_S)
+
+    async def _kept(self) -> bool:
+        await self._thread.run_anyway(self.keep)
+        return False
 
     async def flush_soon(self) -> None:
-        await asyncio.get_running_loop().run_in_executor(self._pool, self.flush)
+        await self._thread.run_anyway(self.flush)
 
     async def end(self) -> None:
-        await asyncio.get_running_loop().run_in_executor(self._pool, self.close)
-        self._pool.shutdown(wait=False)
+        await self._thread.run_anyway(self.close)
+        self._thread.end()
 
     def _done(self, work: Callable[..., Result], *given: Any) -> Result:
         result = work(*given)
@@ -160,7 +150,7 @@ def add_notes(app: web.Application, view: FlightView, feed: Feed) -> None:
     """Keep the notes of a flight as long as the application runs."""
     app[NOTES] = Notes(view, feed)
     app.on_shutdown.append(_flushed)
-    app.cleanup_ctx.append(_kept)
+    app.cleanup_ctx.append(beside(lambda app: app[NOTES].keep_for_ever(), _ended))
 
 
 async def _flushed(app: web.Application) -> None:
@@ -168,12 +158,7 @@ async def _flushed(app: web.Application) -> None:
     await app[NOTES].flush_soon()
 
 
-async def _kept(app: web.Application) -> AsyncIterator[None]:
-    task = asyncio.create_task(app[NOTES].keep_for_ever())
-    yield
-    task.cancel()
-    with suppress(asyncio.CancelledError):
-        await task
+async def _ended(app: web.Application) -> None:
     await app[NOTES].end()
 
 

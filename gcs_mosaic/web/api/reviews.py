@@ -123,7 +123,7 @@ async def covered(request: web.Request) -> web.StreamResponse:
     table = await in_thread(request, request.app[VIEW].table)
     seen = await in_thread(request, seen_cells, table, question.island, question.box)
     known, reviewers = await notes.run(
-        lambda: (notes.reviews.reviewed_as(question, seen), dict(notes.reviews.reviewers()))
+        lambda: (notes.reviews.reviewed(question, seen), dict(notes.reviews.reviewers()))
     )
     reviewed = known & seen.keys()
     told = ReviewedAnswer(

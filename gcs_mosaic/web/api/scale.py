@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -98,10 +98,23 @@ async def _set_deleted(request: web.Request, *, deleted: bool) -> web.StreamResp
     return answer(await in_thread(request, _known, notes, known))
 
 
+async def scales_of(request: web.Request) -> Mapping[int, IslandScale]:
+    """Each island's scale by what is known of it now, as the page tells it."""
+    notes = request.app[NOTES]
+    (_, *laid), known = await notes.run(lambda: (notes.pinned(), notes.scales.all()))
+    return await in_thread(request, _of_islands, notes, known, *laid)
+
+
+def _of_islands(
+    notes: Notes, known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
+) -> Mapping[int, IslandScale]:
+    return island_scales(known, notes.follower.place, anchored(notes.islands(pins, by_positions)))
+
+
 def _scales(
     notes: Notes, revisions: tuple[int, int], known: Sequence[KnownDistance], pins: Sequence[SetPin], by_positions: bool
 ) -> ScaleAnswer:
-    scales = island_scales(known, notes.follower.place, anchored(notes.islands(pins, by_positions)))
+    scales = _of_islands(notes, known, pins, by_positions)
     distances = [_known(notes, one) for one in known]
     revision, of_map = revisions
     return ScaleAnswer(revision=revision, map_revision=of_map, islands=list(scales.values()), distances=distances)

@@ -12,6 +12,7 @@ const OPACITY = 0.6; // of the layer as a whole: its tiles overlap a little
 const ALL_AGAIN_MS = 4000; // after a change, for tiles near which nothing was painted
 const CHANGES = "changes"; // the layer that is compared while it is looked at: each question has some more frames compared
 const CHANGES_AGAIN_MS = 200;
+const CHANGES_LATER_MS = 2000; // where the last question brought nothing on
 
 export class Layers {
   constructor(map) {
@@ -122,9 +123,12 @@ export class Layers {
     for (let compared = 0, frames = 1; compared < frames && this.tiles === tiles; ) {
       const answer = await fetchDocument(`/api/v1/islands/${this.island.id}/changes`).catch(() => null);
       if (this.tiles !== tiles) return;
-      if (answer) ({ compared, frames } = answer);
-      about.textContent = compared < frames ? t("{n} of {all} frames are compared.", { n: compared, all: frames }) : t("Shadows and what stands up differ, too.");
-      if (compared < frames) await new Promise((done) => setTimeout(done, CHANGES_AGAIN_MS));
+      const wait = answer && answer.compared > compared ? CHANGES_AGAIN_MS : CHANGES_LATER_MS;
+      if (answer) {
+        ({ compared, frames } = answer);
+        about.textContent = aboutChanges(answer);
+      }
+      if (compared < frames) await new Promise((done) => setTimeout(done, wait));
     }
     this.renewAll();
   }
@@ -162,6 +166,17 @@ export class Layers {
     this.tell();
     return answer.map_revision;
   }
+}
+
+/**
+ * How much of the ground the layer of changes tells of.
+ * @param {Api.GroundChanges} answer
+ */
+function aboutChanges({ compared, frames, ground, unshown }) {
+  if (compared < frames) return t("{n} of {all} frames are compared.", { n: compared, all: frames });
+  const told = [t("{share} % of the ground is compared; the grey was seen by one flight alone, or only near the edges of pictures.", { share: Math.floor(100 * (ground ?? 0)) })];
+  if (unshown) told.push(t("{n} frames cannot be shown, and are not compared.", { n: unshown }));
+  return [...told, t("Shadows and what stands up differ, too.")].join(" ");
 }
 
 /**

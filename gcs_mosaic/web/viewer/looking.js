@@ -4,7 +4,7 @@
 
 import { send } from "/viewer/api.js";
 import { byId, element } from "/viewer/dom.js";
-import { closePanels } from "/viewer/panels.js";
+import { closePanels, isMapFree } from "/viewer/panels.js";
 import { t } from "/viewer/words.js";
 
 const CELL = 128; // canvas units
@@ -28,6 +28,7 @@ export class Looking {
     this.told = byId("looking-told");
     this.drawn = L.layerGroup().addTo(map.map);
     this.patch = null;
+    this.turn = 0; // of questions: what answers one of before the last, or of before the end, is not acted on
     this.startCounting();
     this.askedIsland = null;
     byId("looking-begin").onclick = () => this.begin();
@@ -50,6 +51,7 @@ export class Looking {
   async begin() {
     if (!this.map.layer) return;
     closePanels();
+    if (!byId("sheet").hidden) byId("state").click(); // it would lie over the patches
     byId("turn-none").click(); // patches are upright
     this.bar.hidden = false;
     document.body.classList.add("looking");
@@ -60,6 +62,8 @@ export class Looking {
   }
 
   end() {
+    this.turn++;
+    this.isAsking = false;
     this.giveBack();
     this.bar.hidden = true;
     document.body.classList.remove("looking");
@@ -70,7 +74,10 @@ export class Looking {
   }
 
   giveBack() {
-    if (!this.patch) return;
+    if (this.patch) this.leave();
+  }
+
+  leave() {
     const body = new Blob([JSON.stringify({ session: this.session })], { type: "application/json" });
     navigator.sendBeacon("/api/v1/looking/leave", body);
   }
@@ -88,6 +95,7 @@ export class Looking {
   async ask(isPutOff = false) {
     const { layer } = this.map;
     if (!layer) return;
+    const turn = ++this.turn;
     this.isAsking = true;
     this.askedIsland = layer.island;
     const seconds = Math.min(this.seconds, LONGEST_S);
@@ -95,9 +103,14 @@ export class Looking {
     try {
       const body = { session: this.session, island: layer.island, ...this.room(), level, seconds, put_off: isPutOff, looked: this.patch?.box ?? null };
       const answer = await send("POST", "/looking", body);
+      if (turn !== this.turn) {
+        if (!this.isOn()) this.leave(); // it was lent to nobody
+        return;
+      }
       const isSame = JSON.stringify([this.patch?.island, this.patch?.box]) === JSON.stringify([answer.patch?.island, answer.patch?.box]);
       this.take(answer, isSame && this.patch && !isPutOff && !answer.counted && seconds > 0);
     } catch (error) {
+      if (turn !== this.turn) return;
       this.told.textContent = error.message;
     }
     this.isAsking = false;
@@ -111,11 +124,13 @@ export class Looking {
     this.others = answer.others;
     this.show();
     const share = answer.cells ? Math.floor((100 * (answer.cells - answer.left)) / answer.cells) : 0;
-    const told = [isTooShort ? t("Too short to count: look for a second.") : "", t("{share} % of this part is looked at.", { share })];
+    const told = [isTooShort ? t("Too short to count: look for a second.") : "", answer.cut ? t("{share} % of what is shared out is looked at.", { share }) : t("{share} % of this part is looked at.", { share })];
     if (!answer.cells) told.splice(0, 2, t("Nothing of this part is known now."));
-    else if (!answer.patch) told.unshift(answer.left ? t("Others have the rest.") : t("All of this part is looked at."));
+    else if (!answer.patch && answer.left) told.unshift(t("Others have the rest."));
+    else if (!answer.patch && !answer.cut) told.unshift(t("All of this part is looked at."));
+    if (answer.cut) told.push(t("Ground farther out is in no patch: look there by hand."));
     const unit = this.metresPerUnit();
-    if (unit && answer.patch) told.push(t("A person is {px} px across.", { px: ((PERSON_M / unit) * this.perUnit()).toFixed(0) }));
+    if (unit && answer.patch) told.push(t("A person is {px} px across on the screen.", { px: ((PERSON_M / unit) * this.perUnit()).toFixed(0) }));
     this.told.textContent = told.filter(Boolean).join(" ");
   }
 
@@ -188,10 +203,9 @@ export class Looking {
   }
 
   isLookedAt() {
-    const isFree = byId("side").hidden && byId("originals").hidden && !document.querySelector("dialog[open]");
     const isThere = !document.hidden && Date.now() - this.reviews.lastInput < AWAKE_MS;
     const isSharp = this.patch.island === this.map.layer.island && this.map.map.getZoom() >= this.zoom() - 0.5;
-    if (!isFree || !isThere || !isSharp || !this.map.layer.isComplete()) return false;
+    if (!isMapFree() || !isThere || !isSharp || !this.map.layer.isComplete()) return false;
     const [left, top, right, bottom] = this.map.turn.seen();
     const [x0, y0, x1, y1] = this.patch.box;
     const rim = CELL / 2; // what is lost at the edge is less than the half of a cell
@@ -201,14 +215,14 @@ export class Looking {
   async keep() {
     if (!this.isOn() || !this.patch || document.hidden) return;
     const answer = await send("POST", "/looking/keep", { session: this.session }).catch(() => null);
-    if (answer && !answer.kept) {
+    if (this.isOn() && answer && !answer.kept) {
       this.startCounting(); // it is somebody else's, or was looked at too long ago
       await this.next();
     }
   }
 
   onKey(event) {
-    const isElsewhere = !this.isOn() || event.target.matches?.("input, textarea, select") || !byId("side").hidden || !byId("originals").hidden;
+    const isElsewhere = !this.isOn() || event.target.matches?.("input, textarea, select") || !isMapFree();
     const action = { ArrowRight: () => this.next(), " ": () => this.next(), Enter: () => this.next(), ArrowDown: () => this.next(true), Escape: () => this.end() }[event.key];
     const isButton = event.target.matches?.("button") && (event.key === "Enter" || event.key === " ");
     if (isElsewhere || !action || (isButton && event.target.id !== "looking-next")) return;

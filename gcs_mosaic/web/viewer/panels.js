@@ -65,6 +65,11 @@ export function closePanels() {
   if (phase) byId(`phase-${phase}`).focus();
 }
 
+/** Whether nothing lies over the map or beside it that somebody may be reading instead of looking. */
+export function isMapFree() {
+  return [side, byId("originals"), byId("sheet")].every(({ hidden }) => hidden) && !document.querySelector("dialog[open]");
+}
+
 function openPhase() {
   return panels.find((panel) => !panel.hidden)?.dataset.phase ?? "";
 }

@@ -3,11 +3,13 @@
 
 import { send, who } from "/viewer/api.js";
 import { byId } from "/viewer/dom.js";
+import { isMapFree } from "/viewer/panels.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
 const EACH_MS = 3000; // between two reports of what is on the screen
-const STILL_MS = 1000; // the map must have stood so long
+const STILL_MS = 1000; // the map must have stood so long, and nothing have lain over it
+const TICK_MS = 200;
 const AWAKE_MS = 20000; // since the map or the pointer was last moved: a page that nobody sits at reviews nothing
 const AGAIN_MS = 3000; // between two questions how much of the part was reviewed
 const MOST_CELLS = 60000; // of one question; of a larger part what is in view is told of
@@ -17,7 +19,7 @@ export class Reviews {
   constructor(map) {
     this.map = map;
     this.shade = L.layerGroup().addTo(map.map);
-    this.moved = Date.now();
+    this.since = Date.now(); // it has been looked at the map, and that has stood still
     this.lastInput = -Infinity; // by a person, who has not touched anything yet
     this.panel = byId("reviews");
     this.isShown = false;
@@ -34,8 +36,8 @@ export class Reviews {
       document.addEventListener(kind, () => (this.lastInput = Date.now()), { passive: true, capture: true });
     }
     this.panel.addEventListener("opened", () => this.read());
-    map.map.on("movestart zoomstart", () => (this.moved = Date.now()));
-    map.map.on("moveend zoomend", () => (this.moved = Date.now()));
+    map.map.on("movestart zoomstart moveend zoomend", () => (this.since = Date.now()));
+    setInterval(() => this.isLookedAt() || (this.since = Date.now()), TICK_MS);
     setInterval(() => this.report(), EACH_MS);
     setInterval(() => this.read(), AGAIN_MS);
   }
@@ -60,15 +62,20 @@ export class Reviews {
     return this.map.turn.seen();
   }
 
-  async report() {
+  isLookedAt() {
     const { layer, map } = this.map;
     const isAwake = Date.now() - this.lastInput < AWAKE_MS;
-    const isFree = byId("originals").hidden && byId("looking").hidden && byId("side").hidden; // who reads a panel does not look
-    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && isFree;
-    if (!layer?.isComplete() || !isLooking || Date.now() - this.moved < STILL_MS || map.getZoom() < this.leastLevel() - 0.5) return;
+    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && isMapFree() && byId("looking").hidden;
+    return isLooking && Boolean(layer) && map.getZoom() >= this.leastLevel() - 0.5;
+  }
+
+  async report() {
+    const { layer, map } = this.map;
+    const looked = Math.min(EACH_MS, Date.now() - this.since);
+    if (!this.isLookedAt() || !layer.isComplete() || looked < STILL_MS) return;
     const level = Math.max(0, Math.min(30, Math.round(map.getZoom())));
     try {
-      await send("POST", "/reviews", { island: layer.island, box: this.box(), level, seconds: EACH_MS / 1000 });
+      await send("POST", "/reviews", { island: layer.island, box: this.box(), level, seconds: looked / 1000 });
       await this.read();
     } catch {
       // the next look is reported

@@ -57,5 +57,5 @@ function written({ kind, values }, value) {
 function noteOf({ kind, unit, within }) {
   if (kind === "palette") return t("Each frame has its own range: one colour is not one temperature, and no degrees are known.");
   if (kind === "counts") return t("The files tell no degrees.");
-  return within ? t("As the camera tells, without emissivity and air; 19 of 20 frames lie within {within} {unit} of it.", { within, unit }) : t("As the camera tells, without emissivity and air.");
+  return within ? t("As the camera tells, without emissivity and air; 19 of 20 pixels lie within {within} {unit} of it.", { within, unit }) : t("As the camera tells, without emissivity and air.");
 }

@@ -11,6 +11,12 @@ const TIMEOUT_MS = 60000; // all originals of a place on a busy machine
 /** @type {[string, number][]} colour, width */
 const RIM = [["#000", 5], ["#ffe600", 2]];
 
+/** A height, and between which it lies by the focal length, which is estimated (95 %). */
+function metresOf(height, factor) {
+  const [m, low, high] = [height, ...[height / factor, height * factor].sort((one, other) => one - other)].map((one) => one.toFixed(1));
+  return low === high ? t("about {m} m", { m }) : t("about {m} m ({low} to {high} m)", { m, low, high });
+}
+
 export class Trees {
   /** `measure`: knows the metres of a canvas unit; `showOriginals(island, x, y)`: all looks at a place. */
   constructor(map, pointing, measure, showOriginals) {
@@ -119,6 +125,7 @@ export class Trees {
   begin(answer) {
     this.isNew = false;
     this.ground = answer.ground;
+    byId("trees-ground").textContent = this.ground === null ? t("To the map's ground") : t("To the ground");
     Object.assign(this.focus, { min: 100 * answer.lowest, max: 100 * answer.highest, value: 100 * answer.height });
     this.controls.hidden = false;
     this.list.replaceChildren(...answer.hints.map((hint, index) => this.row(hint, index + 1)));
@@ -145,13 +152,16 @@ export class Trees {
   tell(answer) {
     const { unit } = this.place;
     const percent = (100 * answer.height).toFixed(1);
-    const metres = unit ? `, ${t("about {m} m", { m: (answer.height * answer.flying_height * unit).toFixed(1) })}` : "";
+    const metres = unit && answer.known_to !== null ? `, ${metresOf(answer.height * answer.flying_height * unit, answer.known_to)}` : "";
     const lines = [
       t("{n} looks, {degrees}° between the outermost.", { n: answer.looks, degrees: Math.round(answer.spread_deg) }),
       t("Focus {percent} % of the flying height above the map's ground{metres}.", { percent, metres }),
     ];
     if (answer.ground === null) lines.push(t("Where the ground lies is not known here: the looks agree at no height, or at many as crowns do. Move the focus."));
     else if (Math.abs(answer.height - answer.ground) > 0.001) lines.push(t("The ground was found at {percent} %.", { percent: (100 * answer.ground).toFixed(1) }));
+    if (unit && answer.known_to === null) lines.push(t("How many metres that are is not known: the pictures do not tell the angle of view."));
+    if (answer.left_out) lines.push(t("{n} more looks, evenly among these, are left out: so many are not kept in memory.", { n: answer.left_out }));
+    if (answer.map_revision < this.map.revision) lines.push(t("The map has changed since the lens was opened: click again for all looks of now."));
     if (answer.lost) lines.push(t("{n} originals cannot be read and are left out.", { n: answer.lost }));
     this.told.textContent = lines.join(" ");
     this.told.dataset.looks = String(answer.looks);

@@ -33,7 +33,7 @@ class Helpers:
 
     def open(self) -> set[Cell]:
         whole = Question(island=0, box=(-HALF_SPAN, -HALF_SPAN, HALF_SPAN, HALF_SPAN), level=15)
-        return GROUND - self.reviews.reviewed(whole)
+        return GROUND - self.reviews.reviewed(whole, {})
 
     def ask(self, session: str, columns: int = 4, lines: int = 3, put_off: bool = False) -> GroundPatch | None:
         place = Place(session=session, who=session, island=0, columns=columns, lines=lines, put_off=put_off)
@@ -144,7 +144,7 @@ def test_ground_over_which_something_was_painted_since_is_open_again(book: Notes
         assert reviews.open_in(now, 0, 16).tolist() == [[False, True, True, False, True]]
         assert reviews.open_in(now, 0, 17).all()
         whole = Question(island=0, box=looked.box, level=16)
-        assert reviews.reviewed_as(whole, now.within(cells)) == {(5, 9), (8, 9)}
+        assert reviews.reviewed(whole, now.within(cells)) == {(5, 9), (8, 9)}
 
 
 def test_of_looks_from_before_frames_were_counted_the_newest_is_known() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from gcs_mosaic.notes.search import reviews as module
 from gcs_mosaic.notes.search.reviews import Question, ReviewedView, Reviews, cells_within
-from gcs_mosaic.notes.search.seen_ground import CELL, seen_cells
+from gcs_mosaic.notes.search.seen_ground import CELL, COUNT, seen_cells
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
@@ -44,9 +44,36 @@ def test_two_review_at_once_each_at_a_zoom_for_some_seconds(book: NotesBook, wri
         "later": Question(island=0, box=BOX, level=0, since_utc=4e9),
         "island": Question(island=1, box=BOX, level=0),
     }
-    found = {name: len(reviews.reviewed(question)) for name, question in asked.items()}
+    found = {name: len(reviews.reviewed(question, {})) for name, question in asked.items()}
     assert found == {"anybody": 8, "fine": 4, "Lou": 4, "long": 4, "later": 0, "island": 0}
     assert reviews.reviewers().keys() == {"Kim", "Lou"}
+
+
+ONE: Box = (0.0, 0.0, CELL, CELL)
+AT = (int(HALF_SPAN / CELL),) * 2
+
+
+def stamped(stamp: int, seconds: float, who: str = "Kim") -> ReviewedView:
+    return ReviewedView(0, ONE, 16, seconds, who, {AT: stamp})
+
+
+@pytest.mark.parametrize("written", [False, True])
+def test_seconds_of_what_was_there_before_are_not_those_of_what_came(book: NotesBook, written: bool) -> None:
+    """Nobody's: neither one person's earlier look nor another's."""
+    reviews, before, now = Reviews(book), COUNT + 3, 2 * COUNT + 4
+
+    def report(look: ReviewedView) -> None:
+        reviews.report(look)
+        if written:
+            reviews.flush()
+
+    for look in (stamped(before, 5.0), stamped(now, 0.5), stamped(before, 5.0, "Lou")):
+        report(look)
+    for seconds, cells in ((0.5, {AT}), (1.0, set())):
+        assert reviews.reviewed(Question(island=0, box=ONE, level=16, seconds=seconds), {AT: now}) == cells
+    report(stamped(now, 0.5))
+    assert reviews.reviewed(Question(island=0, box=ONE, level=16, seconds=1.0), {AT: now}) == {AT}
+    assert reviews.reviewed(Question(island=0, box=ONE, level=16, seconds=6.0), {AT: before}) == {AT}
 
 
 def test_from_far_away_nobody_reviews(book: NotesBook) -> None:

@@ -33,9 +33,33 @@ def test_an_island_of_any_size_is_shared_out(
 ) -> None:
     """More cells than one question may have; of one beyond that, the middle."""
     flight.paint("b.jpg", Pose(CELL * 1000, CELL * 1000))
-    assert np.count_nonzero(IslandGround().of(view.table(), 0, math.inf).stamps) >= 2 * 9
+    whole = IslandGround().of(view.table(), 0, math.inf)
+    assert np.count_nonzero(whole.stamps) >= 2 * 9
+    assert not whole.is_cut
     monkeypatch.setattr(module, "MOST_GROUND", 1 << 16)
-    assert IslandGround().of(view.table(), 0, math.inf).stamps.size <= 1 << 16
+    middle = IslandGround().of(view.table(), 0, math.inf)
+    assert middle.stamps.size <= 1 << 16
+    assert middle.is_cut
+
+
+def test_ground_beyond_a_frames_reach_is_told_of(flight: MappedFlight, view: FlightView) -> None:
+    """From much higher than the others, too: it is in no patch, so the island is never looked at whole."""
+    assert not IslandGround().of(view.table(), 0, math.inf).is_cut
+    flight.paint("b.jpg", Pose(0.0, 0.0, log_gsd=math.log(100.0)))
+    flight.paint("c.jpg", Pose(100.0, 0.0))
+    assert IslandGround().of(view.table(), 0, math.inf).is_cut
+
+
+def test_few_islands_are_kept(flight: MappedFlight, view: FlightView, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that were asked for last: there are as many as there are flights' pieces."""
+    monkeypatch.setattr(module, "KEPT_ISLANDS", 1)
+    table, grounds = view.table(), IslandGround()
+    first = grounds.of(table, 0, math.inf)
+    assert grounds.of(table, 0, math.inf) is first
+    grounds.of(table, 1, math.inf)
+    again = grounds.of(table, 0, math.inf)
+    assert again is not first
+    assert (again.stamps == first.stamps).all()
 
 
 def test_what_a_frame_over_the_horizon_shows_of_the_ground_is_there(flight: MappedFlight, view: FlightView) -> None:

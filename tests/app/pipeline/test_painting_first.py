@@ -1,0 +1,78 @@
+"""Live, a new frame is on the map before the map is adjusted to it."""
+
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import pytest
+from stitch_ground import SMALL_CAMERA, Image, photograph
+
+from gcs_mosaic.app.pipeline.driver import Driver
+from gcs_mosaic.app.pipeline.pipeline import Pipeline
+from gcs_mosaic.app.waiting.prefetch import prepare
+from gcs_mosaic.config.tree import Config
+from gcs_mosaic.frames.files import frames_in
+from gcs_mosaic.messages import Frame, Notice
+from gcs_mosaic.stitch.camera.geometry import Pose
+from tests.sure import sure
+
+pytestmark = pytest.mark.long
+
+CONFIG = Config()
+
+
+@pytest.fixture
+def frames(tmp_path: Path, ground: Image) -> list[Frame]:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number, x in enumerate((400, 500, 600)):
+        cv2.imwrite(str(folder / f"{number}.jpg"), photograph(ground, Pose(x, 600, 0.0, 0.02), SMALL_CAMERA))
+    return [frame for frame in frames_in(folder).frames if isinstance(frame, Frame)]
+
+
+def note_calls(monkeypatch: pytest.MonkeyPatch, of: object, name: str, calls: list[str]) -> None:
+    function = getattr(of, name)
+
+    def noted(*given: object, **named: object) -> object:
+        calls.append(name)
+        return function(*given, **named)
+
+    monkeypatch.setattr(of, name, noted)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_tiles_are_written_before_the_adjustment_moves_what_they_show(
+    first: bool, tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = list[str]()
+    (tmp_path / "out").mkdir()
+    with closing(Pipeline(tmp_path / "out", CONFIG, lambda notice: None, paint_first=first)) as pipeline:
+        note_calls(monkeypatch, pipeline.mosaic, "adjust", done)
+        note_calls(monkeypatch, pipeline.store, "save", done)
+        for frame in frames:
+            Driver(pipeline).process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
+            pipeline.adjust()
+    once = ["save", "adjust"] if first else ["adjust", "save", "adjust"]
+    assert done == once * 3
+
+
+def test_what_the_adjustment_moves_is_painted_anew_and_its_failure_said(
+    tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = list[Notice]()
+    (tmp_path / "out").mkdir()
+    with closing(Pipeline(tmp_path / "out", CONFIG, said.append, paint_first=True)) as pipeline:
+        for frame in frames:
+            Driver(pipeline).process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
+        placed = {one.name: one.pose for one in pipeline.mosaic.placements()}
+        pipeline.adjust()
+        moved = {one.name: one.pose for one in pipeline.mosaic.placements()}
+        assert moved != placed
+        assert pipeline.has_repaints
+
+        def fail() -> None:
+            raise ArithmeticError("no inverse")
+
+        monkeypatch.setattr(pipeline.mosaic, "adjust", fail)
+        pipeline.adjust()
+    assert ["the map could not be adjusted" in one.text for one in said] == [True]
