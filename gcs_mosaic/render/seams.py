@@ -53,7 +53,7 @@ SECOND_LOOK = slice(LOOK.stop, LOOK.stop + 3)
 KEPT = SECOND_LOOK.stop
 
 LEAST_DETAIL = 0.5  # grey levels; the noise level of bare ground
-SHARP = 4.0  # exponent of the detail ratio: a frame with a fifth less detail yields to one with less than half of its weight
+SHARP = 5.0  # exponent of the detail ratio: a frame with an eighth less detail yields to one with half of its weight
 SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lacks: exceeds any weight
 # Added where the other frame has one some distance away: more than the log weight ratio changes over that distance, so that of
 # two frames that see a person in two places not each defers to the other.
