@@ -50,8 +50,11 @@ def stays_here() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def world_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where painted worlds of the simulated flights are kept during one run of the tests."""
-    return tmp_path_factory.mktemp("worlds")
+    """Where painted worlds of the simulated flights are kept during one run of the tests: one folder for all its processes."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "painted-worlds"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -41,7 +41,9 @@ ALLOWED = {
     "frames": {"processes", "stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "detection": {"views", "store", "render", "stitch.arrays", "stitch.camera", "errors"},
-    "handover": {"detection", "geo", "notes", "views", "store", "render", "stitch.arrays", "messages", "errors"},
+    "handover": {
+        *("detection", "geo", "integral", "notes", "views", "store", "render", "stitch.arrays", "messages", "errors"),
+    },
     "export": {
         *(
             "detection",

@@ -106,9 +106,10 @@ def _placements(flight: Path, target: Path, _: Wish, __: Console) -> str:
 
 def _finds(kind: str) -> Write:
     def write(flight: Path, target: Path, _: Wish, __: Console) -> str:
+        from gcs_mosaic.handover.beneath import BeneathLeaves
         from gcs_mosaic.notes.finds.export_finds import export_finds
 
-        return export_finds(flight, kind, target)
+        return export_finds(flight, kind, target, BeneathLeaves)
 
     return write
 

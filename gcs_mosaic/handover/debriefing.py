@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from gcs_mosaic.handover.beneath import BeneathLeaves
 from gcs_mosaic.handover.mission import CoverageOf
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, geo_place
 from gcs_mosaic.notes.finds.exports import anchor_words, in_number
@@ -41,7 +42,7 @@ def as_debriefing(
         *(f"<h2>Island {one.island}</h2>{_island(one, view, finds, laid, coverage_of)}" for one in maps),
         f"<h2>{in_number(finds)}</h2>",
         *(f"<p>{html.escape(text)}</p>" for text in anchor_words(finds)),
-        cards(finds, view),
+        cards(finds, view, BeneathLeaves(view)),
     ]
     return document(f"{flight}: debriefing", "\n".join(parts))
 

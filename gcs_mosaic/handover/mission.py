@@ -1,4 +1,5 @@
-"""A mission over what a flight has not seen: gaps, and patches seen too seldom, too coarsely, or where a person may be missed.
+"""A mission over what a flight has not seen: gaps, and patches seen too seldom, too coarsely, or where a person may be missed;
+or over an area that is to be looked at through its trees.
 
 It is advice: a person looks at it in the ground station, says from where and whether it is flown, and flies it. It has waypoints
 and camera triggers by distance; nothing in it arms, takes off, sets a speed, returns or lands.
@@ -20,8 +21,9 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.anchor import Anchor
 from gcs_mosaic.geo.ellipsoid import LocalPlane, Places
 from gcs_mosaic.handover.lawnmower import Sweep, in_order, sweep_over
-from gcs_mosaic.handover.patches import Patch, patches_below, patches_in, patches_of_gaps
+from gcs_mosaic.handover.patches import Patch, patch_of, patches_below, patches_in, patches_of_gaps
 from gcs_mosaic.handover.survey import IslandSurvey, survey_of
+from gcs_mosaic.integral.how_to_fly import pattern_for
 from gcs_mosaic.notes.texts import shown
 from gcs_mosaic.views.coverage import SeenIsland, footprint_of
 from gcs_mosaic.views.flight_view import FlightView
@@ -29,6 +31,9 @@ from gcs_mosaic.views.flight_view import FlightView
 SIDE_OVERLAP = 0.6
 BEYOND = 0.25  # of a footprint: how far a line goes beyond a patch, so that its first and last picture show known ground, too
 MOST_PATCHES = 200  # the largest of an island
+NO_ANCHOR = "{what} has no anchor, and so no longitude to fly to: set two pins or more on the page."
+MOST_LINES = 500  # of an outline
+TOO_LARGE = f"The area takes more than {MOST_LINES} lines: draw a smaller one, or fly higher."
 MANY_ITEMS = 700  # some autopilots hold no more
 
 CoverageOf = Callable[[int], SeenIsland]
@@ -39,7 +44,10 @@ DetectionOf = Callable[[int, Person, float], DetectionMap | None]
 class MissionWish:
     """What is to be flown again: ground seen fewer than `looks` times, or coarser than `gsd_m` metres a pixel (None: as it was
     flown), or where `person` would have been seen with a probability `below` that (None: it does not count). `height_m`: over
-    ground, as it was flown, where the pictures do not tell; `island`: None for all with an anchor."""
+    ground, as it was flown, where the pictures do not tell; `island`: None for all with an anchor.
+
+    With an `outline` (corners on that island's canvas) the ground inside it, whatever was seen of it: `looks` frames or more are
+    to show each place, from `at_height` times the flight's own height."""
 
     island: int | None = None
     looks: int = 1
@@ -47,6 +55,8 @@ class MissionWish:
     height_m: float | None = None
     below: float | None = None
     person: Person = field(default_factory=Person)
+    outline: tuple[tuple[float, float], ...] = ()
+    at_height: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +73,7 @@ class Leg:
 class Mission:
     """`start`: where the flight began (longitude, latitude), from where the patches are ordered; `error_m`: of the anchor at the
     worst patch (95 %); `length_m`: from the first waypoint to the last; `height_off`: what the height is known to, as a share (95
-    %), None if it was given."""
+    %), None if it was given; `looks`: how many frames are to show each place, if that was asked for."""
 
     flight: str
     start: tuple[float, float]
@@ -74,6 +84,7 @@ class Mission:
     length_m: float
     gsd_m: float
     height_off: float | None
+    looks: int = 0
     left_out: tuple[int, ...] = ()
 
     @property
@@ -96,6 +107,8 @@ class Mission:
             "Advice only: look at obstacles, airspace and height before it is flown. It arms nothing, and neither takes off nor "
             "lands: what happens after the last waypoint is the autopilot's setting.",
         ]
+        if self.looks:
+            found.append(f"{self.looks} frames or more show each place, whichever way the camera is turned.")
         if self.items > MANY_ITEMS:
             found.append(f"It has {self.items} items, more than some autopilots hold: export one island, or split it.")
         if self.left_out:
@@ -116,12 +129,16 @@ class _FlownPatch:
 
 @dataclass(frozen=True, slots=True)
 class _Flying:
-    """How the patches of an island are flown. `finer`: share of the flight's own height and footprint."""
+    """How the patches of an island are flown. `finer`: share of the flight's own height and footprint; `forward`, `side`:
+    overlaps, and `around`: how far beyond a patch they still hold, as shares of a frame's shorter side."""
 
     anchor: Anchor
     survey: IslandSurvey
     height_m: float
     finer: float
+    forward: float
+    side: float
+    around: float = 0.0
 
 
 def planned(
@@ -139,11 +156,11 @@ def planned(
     laid = [one for one in wanted if one in anchors]
     if not laid:
         what = "The map" if wish.island is None else f"Island {wish.island}"
-        raise UsageError(f"{what} has no anchor, and so no longitude to fly to: set two pins or more on the page.")
+        raise UsageError(NO_ANCHOR.format(what=what))
     detection_of = detection_of or Detections(view, coverage_of).whole
     todo = {one: found for one in laid if (found := _patches(view, coverage_of, detection_of, one, anchors[one], wish))}
     if not todo:
-        raise UsageError(f"There is nothing to fly again: {_nothing(wish)}.")
+        raise UsageError(nothing_to_fly(wish))
     flying = {one: _flying(view, one, anchors[one], wish) for one in todo}
     plane = anchors[laid[0]].plane
     patches = [_flown(plane, flying[one], patch) for one, found in todo.items() for patch in found]
@@ -161,6 +178,7 @@ def planned(
         length_m=_length(plane, legs),
         gsd_m=median(one.survey.gsd_m * one.finer for one in flying.values()),
         height_off=None if wish.height_m is not None else max(one.survey.height_off for one in flying.values()),
+        looks=pattern_for(wish.looks).looks if wish.outline else 0,
         left_out=tuple(one for one in wanted if one not in anchors),
     )
 
@@ -174,6 +192,8 @@ def _patches(
         return []
     table = view.table()
     footprint = footprint_of(table.boxes[table.islands == island])
+    if wish.outline:
+        return [patch_of(np.array(wish.outline), footprint)]
     if wish.below is not None:
         found = detection_of(island, wish.person, wish.person.side_m / anchor.metres_per_unit)
         return _improbable(found, wish.below, footprint)[:MOST_PATCHES]
@@ -196,32 +216,46 @@ def _improbable(found: DetectionMap | None, least: float, footprint: float) -> l
     return patches_in(found.grid, found.below(least), footprint)
 
 
-def _nothing(wish: MissionWish) -> str:
+def nothing_to_fly(wish: MissionWish) -> str:
+    """A sentence: why there is no mission."""
     if wish.below is not None:
-        return (
+        why = (
             f"by the model no patch of the flown area is below {wish.below:.0%} for that person, which clears no ground"
         )
-    if wish.looks == 1 and wish.gsd_m is None:
-        return "inside the flown area there is no gap"
-    coarse = "" if wish.gsd_m is None else f" and none coarser than {wish.gsd_m:g} m a pixel"
-    return f"inside the flown area no patch was seen fewer than {wish.looks} times{coarse}"
+    elif wish.looks == 1 and wish.gsd_m is None:
+        why = "inside the flown area there is no gap"
+    else:
+        coarse = "" if wish.gsd_m is None else f" and none coarser than {wish.gsd_m:g} m a pixel"
+        why = f"inside the flown area no patch was seen fewer than {wish.looks} times{coarse}"
+    return f"There is nothing to fly again: {why}."
 
 
 def _flying(view: FlightView, island: int, anchor: Anchor, wish: MissionWish) -> _Flying:
     survey = survey_of(view, island, anchor.metres_per_unit)
+    height_m = survey.known_height(wish.height_m)
+    if wish.outline:
+        pattern = pattern_for(wish.looks)
+        # Half a footprint around, so that places at the rim are seen from all sides, too.
+        return _Flying(
+            anchor, survey, height_m * wish.at_height, wish.at_height, pattern.forward, pattern.side, around=0.5
+        )
     finer = 1.0 if wish.gsd_m is None else min(1.0, wish.gsd_m / survey.gsd_m)
-    return _Flying(anchor, survey, survey.known_height(wish.height_m) * finer, finer)
+    return _Flying(anchor, survey, height_m * finer, finer, survey.overlap, SIDE_OVERLAP)
 
 
 def _flown(plane: LocalPlane, how: _Flying, patch: Patch) -> _FlownPatch:
+    """Raises UsageError for more lines than anybody flies."""
     per_unit, side = how.anchor.metres_per_unit, how.survey.side_m * how.finer
     middle = patch.widened(0.0).mean(axis=0)
     error_m = how.anchor.error(*middle.tolist()).major_m
-    cells = plane.spots(how.anchor.places(patch.widened(min(error_m, side) / per_unit)))
+    size, spacing = patch.grid.cell * per_unit, side * (1 - how.side)
+    if how.around and max(patch.grid.columns, patch.grid.rows) * size > MOST_LINES * spacing:
+        raise UsageError(TOO_LARGE)
+    cells = plane.spots(how.anchor.places(patch.widened((min(error_m, side) + how.around * side) / per_unit)))
     return _FlownPatch(
-        sweep=sweep_over(cells, patch.grid.cell * per_unit, side * (1 - SIDE_OVERLAP), side * BEYOND),
+        sweep=sweep_over(cells, size, spacing, 0.0 if how.around else side * BEYOND),
         height_m=how.height_m,
-        step_m=side * (1 - how.survey.overlap),
+        step_m=side * (1 - how.forward),
         area_m2=patch.area * per_unit**2,
         error_m=error_m,
     )

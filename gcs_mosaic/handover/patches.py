@@ -8,10 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.stitch.arrays import Mask, PointsNx2
 from gcs_mosaic.views.coverage import Coverage, Gap, Grid, flown_area
 
 LEAST_PATCH = 1 / 64  # of a footprint's area: smaller ones are the zigzag of where frames end
+CELLS, CELLS_OF_FOOTPRINT = 200, 16  # at most, along an outline's longer side
+NO_GROUND = "The outline holds no ground: give three corners or more of an area."
+LEAST_SHARE = 1e-4  # of its longer side's square: what is thinner is a line
 EDGE = 0.5  # of a footprint: so near to the edge of the flown area ground is seen by fewer frames by nature
 
 
@@ -45,6 +49,20 @@ def patches_of_gaps(grid: Grid, gaps: list[Gap]) -> list[Patch]:
         cv2.fillPoly(mask, [np.rint(cells).astype(np.int32)], 1)
         found.append(Patch(grid, mask > 0))
     return found
+
+
+def patch_of(outline: PointsNx2, footprint: float) -> Patch:
+    """The ground inside an outline (n, 2) on the canvas; `footprint`: canvas units. Raises UsageError if that is nothing."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    extent = float((high - low).max())
+    if not cv2.contourArea((outline - low).astype(np.float32)) > LEAST_SHARE * extent**2:
+        raise UsageError(NO_GROUND)
+    cell = max(extent / CELLS, footprint / CELLS_OF_FOOTPRINT)
+    columns, rows = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
+    grid = Grid(float(low[0]), float(low[1]), cell, columns, rows)
+    mask = np.zeros((rows, columns), np.uint8)
+    cv2.fillPoly(mask, [np.rint((outline - low) / cell - 0.5).astype(np.int32)], 1)
+    return Patch(grid, mask > 0)
 
 
 def patches_below(coverage: Coverage, footprint: float, looks: int, coarsest: float) -> list[Patch]:

@@ -4,5 +4,5 @@ Airborne optical sectioning: I. Kurmi, D. C. Schedl, O. Bimber, Journal of Imagi
 of the map; nothing else says where a camera was.
 
 May import `views`, `store`, `render`, of `frames` the decoding, and `stitch.camera`; called by
-`export` and `cli`. What it can show, how to fly for it and its limits: README.md beside this file.
+`handover`, `export`, `web` and `cli`. What it can show, how to fly for it and its limits: README.md beside this file.
 """

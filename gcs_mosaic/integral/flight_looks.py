@@ -33,6 +33,7 @@ RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 
 Some = TypeVar("Some")
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
+Heights = tuple[float, float]  # the lowest and the highest, shares of the flying height
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,10 +58,10 @@ def looks_at(view: FlightView, island: int, window: GroundWindow, most: int = MO
         raise UsageError(nobody_sees(island, window.x, window.y))
     looks, lost = list[GroundLook](), list[str]()
     for number, one in spread(painted, most):
-        look = _look(view, number, one, window)
+        look = read_look(view, number, one, window)
         lost.append(one.name) if look is None else looks.append(look)
     if len({one.image.shape[2] for one in looks}) > 1:
-        looks = [_as_grey(one) for one in looks]
+        looks = [as_grey(one) for one in looks]
     if len(looks) < 2:
         raise UsageError(too_few(len(painted), lost))
     return FlightLooks(table.revision, looks, lost, max(0, len(painted) - most))
@@ -73,7 +74,8 @@ def spread(some: Sequence[Some], most: int) -> list[Some]:
     return [some[at] for at in np.linspace(0, len(some) - 1, most).round().astype(int).tolist()]
 
 
-def _as_grey(look: GroundLook) -> GroundLook:
+def as_grey(look: GroundLook) -> GroundLook:
+    """With one band."""
     return look if look.image.shape[2] == 1 else replace(look, image=look.image.mean(axis=2, keepdims=True))
 
 
@@ -83,8 +85,11 @@ def _sees(painted: RenderItem, window: GroundWindow) -> bool:
     return bool(left < x < right and top < y < bottom)  # NaN is outside too
 
 
-def _look(view: FlightView, number: int, painted: RenderItem, window: GroundWindow) -> GroundLook | None:
-    """None where the original cannot be read, or is of another kind than what was painted."""
+def read_look(
+    view: FlightView, number: int, painted: RenderItem, window: GroundWindow, within: Heights = (LOWEST, HIGHEST)
+) -> GroundLook | None:
+    """What a frame may show of a window in a focus within some heights. None where the original cannot be read, or is of
+    another kind than what was painted."""
     record = view.frame(number)
     if record is None or not record.width:
         return None
@@ -93,7 +98,8 @@ def _look(view: FlightView, number: int, painted: RenderItem, window: GroundWind
     image = original_pixels(view, record, reduction)
     if isinstance(image, Unreadable) or not painted.display.fits(image):
         return None
-    return coarsened(_cut(painted, image, window, reduction / scale), window, reduction * _own(painted, window, scale))
+    cut = _cut(painted, image, window, reduction / scale, within)
+    return coarsened(cut, window, reduction * _own(painted, window, scale))
 
 
 def _reduction(painted: RenderItem, window: GroundWindow, scale: float) -> int:
@@ -103,8 +109,12 @@ def _reduction(painted: RenderItem, window: GroundWindow, scale: float) -> int:
 
 
 def _own(painted: RenderItem, window: GroundWindow, scale: float) -> float:
-    """Canvas units of a pixel of the original at the window's middle. `scale`: px of the original for each of the camera's."""
+    """Canvas units of a pixel of the original at the window's middle, or at the frame's where it does not see that. `scale`: px
+    of the original for each of the camera's."""
     middle = pixels_of(painted, np.array([[window.x, window.y]]))
+    size = np.array([painted.camera.width, painted.camera.height])
+    if not ((middle >= 0) & (middle < size)).all():  # NaN is neither
+        middle = size[None] / 2
     return float(ground_sampling_distance(painted.pose, painted.camera, middle)[0]) / scale
 
 
@@ -121,9 +131,9 @@ def coarsened(look: GroundLook, window: GroundWindow, gsd: float) -> GroundLook:
     return replace(look, image=image.reshape(rows, columns, -1), reduction=look.reduction * times)
 
 
-def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: float) -> GroundLook:
-    """What may be seen of the window in any focus, in grey levels of one light. `reduction`: px of the camera per px of image."""
-    left, top, right, bottom = _box(painted, image, window, reduction)
+def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: float, within: Heights) -> GroundLook:
+    """What may be seen of the window, in grey levels of one light. `reduction`: px of the camera per px of image."""
+    left, top, right, bottom = _box(painted, image, window, reduction, within)
     low, high = np.array([left, top]) * reduction, np.array([right, bottom]) * reduction
     levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
     levels = levels * np.asarray(painted.gain, np.float32)
@@ -147,11 +157,13 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     )
 
 
-def _box(painted: RenderItem, image: FloatImage | Bands, window: GroundWindow, reduction: float) -> PixelBox:
-    """Columns and rows of the image that show the window at any height between LOWEST and HIGHEST."""
+def _box(
+    painted: RenderItem, image: FloatImage | Bands, window: GroundWindow, reduction: float, within: Heights
+) -> PixelBox:
+    """Columns and rows of the image that show the window at any of these heights."""
     above = camera_height(painted.pose, painted.camera)
     places, _ = window.lattice()
-    seen = np.vstack([_pixels(painted, places, share * above) for share in (LOWEST, 0.0, HIGHEST)])
+    seen = np.vstack([_pixels(painted, places, share * above) for share in (within[0], sum(within) / 2, within[1])])
     seen = seen[np.isfinite(seen).all(axis=1)]
     size = np.array([image.shape[1], image.shape[0]])
     if not len(seen):

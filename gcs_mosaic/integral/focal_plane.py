@@ -23,14 +23,14 @@ def camera_height(pose: Pose, camera: Camera) -> float:
 
 
 def pixels_at(
-    pose: Pose, camera: Camera, relief: ReliefDisplacement | None, places: PointsNx2, height: float
+    pose: Pose, camera: Camera, relief: ReliefDisplacement | None, places: PointsNx2, height: float | Vector
 ) -> PointsNx2:
-    """Frame pixels (n, 2) of canvas places (n, 2) at a height in canvas units; NaN where the lens cannot see them."""
+    """Frame pixels (n, 2) of canvas places (n, 2) at a height in canvas units, the same of all or of each (n,); NaN where the
+    lens cannot see them."""
     above = camera_height(pose, camera)
-    if height >= above:
-        return np.full(places.shape, np.nan)
+    below = above - np.asarray(height, np.float64)
     nadir = np.array([pose.x, pose.y])
-    on_canvas = nadir + (places - nadir) * (above / (above - height))
+    on_canvas = nadir + (places - nadir) * (above / np.where(below > 0, below, np.nan))[..., None]
     return as_seen(relief, camera, pixels_from_canvas(pose, camera, on_canvas))
 
 

@@ -15,6 +15,7 @@ from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 
 SURROUNDINGS = 1.0  # of the window's own side, on all sides of it
 LEAST_NODES = 4  # along each side: a slope is not told by fewer
+REACH = 0.2  # of a frame's longer side: one standard deviation of the weights about a place
 TIE = 0.3  # pull of slopes to none, relative to one node at the rim of what is fitted
 
 
@@ -43,6 +44,22 @@ def plane_of(
     at_corners = np.column_stack([np.ones(4), (corners - middle) / reach]) @ found
     grid: FloatImage = at_corners.reshape(2, 2, 2).astype(np.float32)
     return ReliefDisplacement(2, 2, grid.tobytes())
+
+
+def slopes_of(relief: ReliefDisplacement | None, camera: Camera) -> ReliefDisplacement | None:
+    """The shifts of a frame as a plane fitted about each place by itself, nearer nodes counting more (W. S. Cleveland, JASA
+    74(368), 1979): the same wherever it is asked for, so that windows beside each other fit together. None without relief."""
+    if relief is None:
+        return None
+    x, y = np.meshgrid(np.linspace(0, camera.width - 1, relief.columns), np.linspace(0, camera.height - 1, relief.rows))
+    nodes = np.column_stack([x.ravel(), y.ravel()]) / (REACH * max(camera.width, camera.height))
+    apart = nodes[None] - nodes[:, None]  # (n, n, 2), from each node to all
+    weight = np.exp(-0.5 * (apart**2).sum(axis=2))
+    terms = np.concatenate([np.ones((*weight.shape, 1)), apart], axis=2)
+    weighted = terms.transpose(0, 2, 1) * weight[:, None]
+    normal = weighted @ terms + np.diag([0.0, TIE, TIE])
+    found = np.linalg.solve(normal, weighted @ relief.grid.reshape(-1, 2).astype(np.float64))
+    return ReliefDisplacement(relief.columns, relief.rows, found[:, 0].astype(np.float32).tobytes())
 
 
 def _nodes(along: np.ndarray, low: float, high: float) -> np.ndarray:

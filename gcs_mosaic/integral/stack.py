@@ -10,7 +10,7 @@ import numpy as np
 
 from gcs_mosaic.integral.focal_plane import pixels_at
 from gcs_mosaic.render.dense_places import STEP, between_steps, sampled
-from gcs_mosaic.stitch.arrays import FloatImage, Lattice, Mask, PointsNx2
+from gcs_mosaic.stitch.arrays import FloatImage, Lattice, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
@@ -85,8 +85,9 @@ def laid_together(looks: Sequence[GroundLook], window: GroundWindow, height: flo
     return LookStack(names, np.stack(values) if values else nothing)
 
 
-def laid(look: GroundLook, window: GroundWindow, height: float) -> FloatImage | None:
-    """(cells, cells, bands) of one look, NaN where it sees nothing; None if it sees nothing at all."""
+def laid(look: GroundLook, window: GroundWindow, height: float | Vector) -> FloatImage | None:
+    """(cells, cells, bands) of one look, NaN where it sees nothing; None if it sees nothing at all. `height`: one for all, or
+    (n,) of the lattice's places."""
     at = _places(look, window, height)
     seen = _seen(look, at)
     if not seen.any():
@@ -97,7 +98,7 @@ def laid(look: GroundLook, window: GroundWindow, height: float) -> FloatImage | 
     return values
 
 
-def _places(look: GroundLook, window: GroundWindow, height: float) -> Lattice:
+def _places(look: GroundLook, window: GroundWindow, height: float | Vector) -> Lattice:
     """Pixels (cells, cells, 2) of the look's image at the window's pixels; NaN where its lens cannot see them."""
     places, count = window.lattice()
     pixels = pixels_at(look.pose, look.camera, look.relief, places, height)

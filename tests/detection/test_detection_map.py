@@ -23,6 +23,7 @@ from gcs_mosaic.views.flight_view import FlightView, places_of
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from sitl.flight import Flight, plan
+from sitl.geometry import Lens
 from sitl.path import Plan
 from tests.notes.written_pins import write_pins
 from tests.running import stitched
@@ -56,7 +57,7 @@ def told(
     detections: Detections, root: Path, clothes: Clothes = "orange", posture: Posture = "lying", smaller: float = 1.0
 ) -> DetectionMap:
     person = Person(posture=posture, clothes=clothes)
-    gsd_m = HEIGHT_M / plan("survey", SIZE).scene.camera.lens.focal_px
+    gsd_m = HEIGHT_M / Lens(width=SIZE[0], height=SIZE[1]).focal_px
     pixel = units_of_pixel(FlightView(root), 0)
     assert pixel is not None
     found = detections.whole(0, person, person.side_m / gsd_m * pixel / smaller)

@@ -36,18 +36,34 @@ pytestmark = [pytest.mark.long, pytest.mark.usefixtures("every_answer_is_as_desc
 
 SIZE = (800, 600)
 PEOPLE = 12
+FRAMES = 12
 SEARCHED_S = 200.0  # the search yields to all other work of a busy machine
 
 
 @pytest.fixture(scope="module")
-def flight() -> Flight:
-    return plan("survey", SIZE, seed=3, route=Plan(frames=12, height=40), crowd=Crowd(people=PEOPLE))
+def flight(world_cache: Path) -> Flight:
+    return plan(
+        "survey", SIZE, seed=3, route=Plan(frames=FRAMES, height=40), crowd=Crowd(people=PEOPLE), cache=world_cache
+    )
 
 
 @pytest.fixture(scope="module")
 def flown(flight: Flight, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the stitched flight, in which nothing was sought yet."""
     return stitched(flight, tmp_path_factory.mktemp("people"))
+
+
+@pytest.fixture(scope="module")
+def searched_once(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same, and all its frames are searched."""
+    folder = Path(shutil.copytree(flown, tmp_path_factory.mktemp("searched") / "mosaic"))
+    assert len(seek_all(folder)) == FRAMES
+    return folder
+
+
+@pytest.fixture
+def searched(searched_once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(searched_once, tmp_path / "searched"))
 
 
 @pytest.fixture
@@ -79,9 +95,8 @@ def test_people_are_found_far_above_chance_the_newest_frame_first(flight: Flight
     assert seek_all(root) == []
 
 
-def test_hints_lie_where_the_frames_are(flight: Flight, root: Path) -> None:
-    seek_all(root)
-    read, view = read_hints(root), FlightView(root)
+def test_hints_lie_where_the_frames_are(searched: Path) -> None:
+    read, view = read_hints(searched), FlightView(searched)
     places = hint_places(view, read.hints)
     assert set(places) == {hint.id for hint in read.hints}
     table = view.table()
@@ -91,18 +106,17 @@ def test_hints_lie_where_the_frames_are(flight: Flight, root: Path) -> None:
         assert hint.found.frame in near
 
 
-def test_a_colour_is_sought_in_frames_that_were_searched_before_and_forgotten_again(root: Path) -> None:
-    before = len(seek_all(root))
+def test_a_colour_is_sought_in_frames_that_were_searched_before_and_forgotten_again(searched: Path) -> None:
     orange = SoughtColour(number=7, bgr=tuple(round(value) for value in CLOTHES[0]), tolerance=25.0)  # type: ignore[arg-type]
-    assert len(seek_all(root, orange)) == before
-    sought = [hint for hint in read_hints(root).hints if hint.found.kind == "sought"]
+    assert len(seek_all(searched, orange)) == FRAMES
+    sought = [hint for hint in read_hints(searched).hints if hint.found.kind == "sought"]
     assert sought
     assert {hint.found.what for hint in sought} == {7}
-    assert seek_all(root, orange) == []
-    seeker = Seeker(root, HintSettings())
+    assert seek_all(searched, orange) == []
+    seeker = Seeker(searched, HintSettings())
     seeker.step()
     seeker.close()
-    assert not [hint for hint in read_hints(root).hints if hint.found.kind == "sought"]
+    assert not [hint for hint in read_hints(searched).hints if hint.found.kind == "sought"]
 
 
 def test_a_frame_whose_original_is_gone_costs_that_frame(root: Path) -> None:
@@ -158,16 +172,16 @@ def test_trouble_that_passes_costs_no_frame_and_a_fault_costs_that_frame_alone(
     assert (read.searched, read.failed) == (11, 1)
 
 
-def test_hints_of_another_flight_and_a_damaged_file_are_not_shown(root: Path) -> None:
-    seek_all(root)
-    ledger = sqlite3.connect(root / "flight.sqlite")
+def test_hints_of_another_flight_and_a_damaged_file_are_not_shown(searched: Path) -> None:
+    assert read_hints(searched) != HintsRead()
+    ledger = sqlite3.connect(searched / "flight.sqlite")
     ledger.execute("UPDATE flight SET name = 'another'")
     ledger.commit()
     ledger.close()
-    assert read_hints(root) == HintsRead()
-    assert len(seek_all(root)) == 12  # from the beginning
-    (root / HINTS_NAME).write_bytes(b"x" * 4096)
-    assert read_hints(root) == HintsRead()
+    assert read_hints(searched) == HintsRead()
+    assert len(seek_all(searched)) == FRAMES  # from the beginning
+    (searched / HINTS_NAME).write_bytes(b"x" * 4096)
+    assert read_hints(searched) == HintsRead()
 
 
 @pytest.fixture
@@ -269,16 +283,17 @@ def test_a_model_that_cannot_be_used_is_told_and_the_page_lives_on(root: Path, t
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
-def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(root: Path, tmp_path: Path) -> None:
-    server = WebServer(root, HttpAddress("127.0.0.1", 0))
+def test_somebody_switches_hints_on_goes_to_one_dismisses_it_and_brings_it_back(searched: Path, tmp_path: Path) -> None:
+    """That frames are searched once it is switched on is tested without a browser."""
+    server = WebServer(searched, HttpAddress("127.0.0.1", 0))
     with open_browser(tmp_path / "profile") as page:
         someone = Person(page, server.start())
         someone.press("open-hints")
         someone.sees("hints-told", "Hints are off.")
         someone.press("hints-on")
         page.wait_for("document.querySelectorAll('#hints-list li').length >= 5", SEARCHED_S)
-        searched = "document.getElementById('hints-told').innerText.includes('12 of 12 frames are searched.')"
-        page.wait_for(searched, SEARCHED_S)
+        all_searched = "document.getElementById('hints-told').innerText.includes('12 of 12 frames are searched.')"
+        page.wait_for(all_searched, SEARCHED_S)
         for place in (0, 2, -1):  # crops are fetched once they are in view
             crop = f"[...document.querySelectorAll('#hints-list img')].at({place})"
             page.evaluate(f"{crop}.scrollIntoView()")

@@ -65,6 +65,7 @@ def test_beneath_clumps_the_ground_is_the_lowest_height_of_agreement(cover: floa
     assert found.height == pytest.approx(-0.1, abs=0.015)
 
 
+@pytest.mark.long
 def test_crowns_of_many_heights_are_no_ground() -> None:
     """Domes that rise from 5 to 25 %; what is dark between them shows each look something else, and nothing of the ground. The
     lower end of the crowns is told, and that it is a guess."""

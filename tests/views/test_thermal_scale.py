@@ -109,7 +109,7 @@ def tiles_of(out: Path) -> dict[str, bytes]:
     }
 
 
-def laid_of(out: Path) -> list[tuple[object, ...]]:
+def laid_of(out: Path) -> Sequence[tuple[object, ...]]:
     """Where and how each frame is painted."""
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         found: list[tuple[object, ...]] = [(one.name, one.pose, one.gain, one.display) for one in ledger.painted(0)]

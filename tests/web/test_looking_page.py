@@ -135,8 +135,10 @@ def test_two_tabs_have_no_patch_twice_and_a_closed_one_gives_its_back(page: Page
         lent = boxes(url)
         assert len(lent) == 2
         assert apart(*lent)
-        first.look()
-        second.look("Enter")
+        first.move()
+        second.linger()  # and so does the first
+        second.press("Enter")
+        first.press()
         page.wait_for(f"!{TOLD}.startsWith('0 %')")
     before = share(page)
     assert 0 < before < 100
@@ -150,7 +152,6 @@ def test_two_tabs_have_no_patch_twice_and_a_closed_one_gives_its_back(page: Page
         if "All of this part" in page.evaluate(TOLD):
             break
         first.look()
-        time.sleep(0.3)
     assert page.evaluate(TOLD).startswith("All of this part is looked at.")
     assert share(page) == 100
     assert page.complaints == []

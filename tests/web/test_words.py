@@ -14,6 +14,9 @@ import pytest
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.detection.detection_map import SOME_GREY
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
+from gcs_mosaic.handover.mission import NO_ANCHOR, TOO_LARGE, MissionWish, nothing_to_fly
+from gcs_mosaic.handover.patches import NO_GROUND
+from gcs_mosaic.integral.ground_tiles import FAILED, FROM_AFAR
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
@@ -31,7 +34,7 @@ SCRIPTS = sorted(path for path in VIEWER.glob("*.js") if path.stem not in ("word
 # Tables of words that are said by `t(TABLE[key])`.
 TABLES = {"hints.js": ("REASONS", "STATES"), "keys.js": ("KEYS",)}
 # The same everywhere, and what the scripts fill in.
-AS_THEY_ARE = {"", "▲", "N", "◀", "▶", "?", "gcs-mosaic", "44.51234, 7.12345", "CSV", "KML", "GeoJSON"}
+AS_THEY_ARE = {"", "✕", "▲", "N", "◀", "▶", "?", "gcs-mosaic", "44.51234, 7.12345", "CSV", "KML", "GeoJSON"}
 
 
 def german() -> dict[str, str]:
@@ -90,7 +93,7 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
     scripts = "".join(path.read_text("utf-8") for path in SCRIPTS)
     served = [
         *sentences_of_the_server(),
-        *(NO_SCALE, GREY, SOME_GREY, PALETTE, TOO_SMALL),
+        *(NO_SCALE, GREY, SOME_GREY, PALETTE, TOO_SMALL, FAILED, FROM_AFAR, NO_GROUND, TOO_LARGE),
         *(word for one in legends(merged=True) for word in (one.title, one.worst, one.best)),
     ]
     used = {*words.found, *served, *(word for script in SCRIPTS for word in said_by(script))}
@@ -108,6 +111,8 @@ def sentences_of_the_server() -> list[str]:
     """What lasts and is told as a condition, the areas of gaps, why shots are not on the map, and why there is no integral."""
     told = [area_words(9.0, 3.0), area_words(0.1, 3.0), NO_PICTURE, NOTHING_YET]
     told += [nobody_sees(0, 1.5, 2.0), too_few(1, ()), too_few(5, ["a.jpg"]), beyond(0.9, -0.4, 0.5), apart(0.4, 1, 7)]
+    told += [NO_ANCHOR.format(what="The map")]
+    told += [nothing_to_fly(wish) for wish in (MissionWish(), MissionWish(looks=3), MissionWish(below=0.5))]
     for _, facts in NEWS.values():
         conditions = Conditions()
         conditions.so_now(facts)

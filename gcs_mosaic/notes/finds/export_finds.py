@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
@@ -10,7 +11,7 @@ from gcs_mosaic.notes.anchors.anchoring import anchor_of
 from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
 from gcs_mosaic.notes.finds.exports import anchor_words, as_csv, as_geojson, as_kml, in_number
 from gcs_mosaic.notes.finds.finds import Find, find_of, placed
-from gcs_mosaic.notes.finds.report import as_report
+from gcs_mosaic.notes.finds.report import BeneathOf, as_report
 from gcs_mosaic.notes.ground.binding import GroundFollower
 from gcs_mosaic.notes.storage.book import NotesFile
 from gcs_mosaic.store import inside
@@ -21,9 +22,11 @@ from gcs_mosaic.views.flight_view import FlightView
 HOW = "Two pins on the page, or `gcs-mosaic anchor DIR --points FILE`, lay it on earth; then export again."
 
 
-def export_finds(flight: Path, kind: str, target: Path) -> str:
-    """Write all finds as geojson, csv, kml or a report, with coordinates where the map has an anchor; returns a message. Raises
-    UsageError."""
+def export_finds(
+    flight: Path, kind: str, target: Path, beneath: Callable[[FlightView], BeneathOf] | None = None
+) -> str:
+    """Write all finds as geojson, csv, kml or a report, with coordinates where the map has an anchor; returns a message.
+    `beneath`: of a flight, for a report, see `report.cards`. Raises UsageError."""
     view = FlightView(find_flight(flight))
     found = finds_in(flight)
     shown, name = placed(found, GroundFollower(view), anchor_of(anchors_of(view))), flight.resolve().name
@@ -31,7 +34,7 @@ def export_finds(flight: Path, kind: str, target: Path) -> str:
         case "csv":
             text = as_csv(shown)
         case "report":
-            text = as_report(shown, name, view, time.time())
+            text = as_report(shown, name, view, time.time(), None if beneath is None else beneath(view))
         case _:
             text = (as_geojson if kind == "geojson" else as_kml)(shown, name)
     try:

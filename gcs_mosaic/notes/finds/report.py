@@ -7,7 +7,8 @@ import hashlib
 import html
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -28,6 +29,7 @@ logger = logging.getLogger(__name__)
 
 CROP = 400  # px of the original, a side
 MOST_CROPS = 60  # each is decoded from its original
+MOST_BENEATH = 12  # for each some thirty originals are
 MOST_MAPS = 12  # of islands with finds
 QUALITY = 85
 STYLE = (
@@ -39,6 +41,7 @@ h1 { font-size: 14pt; margin: 0 } h2 { font-size: 11pt; margin: 0 0 1mm }
 article { border: 0.3mm solid #888; padding: 2mm; break-inside: avoid; overflow-wrap: anywhere }
 img, .none { display: block; width: 100%; aspect-ratio: 3 / 2; object-fit: cover; background: #ddd; margin-bottom: 1mm }
 figure { margin: 0; position: relative }
+figcaption { font-size: 8pt; color: #333; margin-bottom: 1mm }
 p { margin: 0; white-space: pre-wrap } small { color: #333 }
 table { border-collapse: collapse; margin: 2mm 0 } th, td { text-align: left; vertical-align: top; padding: 0 4mm 0.5mm 0 }
 th { font-weight: normal; color: #333 }
@@ -52,11 +55,23 @@ POLICY = (
 )
 
 
-def as_report(finds: Sequence[PlacedFind], flight: str, view: FlightView, made_utc: float) -> str:
-    """The report; `made_utc` in seconds since 1970."""
+class Beneath(NamedTuple):
+    """All looks at a find laid together: a JPEG, and what it is in words."""
+
+    picture: bytes
+    words: str
+
+
+BeneathOf = Callable[[PlacedFind], Beneath | None]
+
+
+def as_report(
+    finds: Sequence[PlacedFind], flight: str, view: FlightView, made_utc: float, beneath: BeneathOf | None = None
+) -> str:
+    """The report; `made_utc` in seconds since 1970; `beneath`: as of `cards`."""
     said = "".join(f"<p>{html.escape(text)}</p>" for text in anchor_words(finds))
     maps = "\n".join(one.figure(marks) for one in overviews(view.root, MOST_MAPS) if (marks := one.marks(finds)))
-    body = f"<p>{iso(made_utc)}</p>{said}\n{maps}\n{cards(finds, view)}"
+    body = f"<p>{iso(made_utc)}</p>{said}\n{maps}\n{cards(finds, view, beneath)}"
     return document(f"{shown(flight)}: {in_number(finds)}", body)
 
 
@@ -70,10 +85,12 @@ def document(title: str, body: str) -> str:
     )
 
 
-def cards(finds: Sequence[PlacedFind], view: FlightView) -> str:
-    """HTML of all finds, the first `MOST_CROPS` with their crops."""
+def cards(finds: Sequence[PlacedFind], view: FlightView, beneath: BeneathOf | None = None) -> str:
+    """HTML of all finds, the first `MOST_CROPS` with their crops, and the first `MOST_BENEATH` with what `beneath` makes of all
+    looks at them."""
     crops = _crops(finds[:MOST_CROPS], view)
-    found = "\n".join(_card(one, crops.get(one.find.id), _taken(one, view)) for one in finds)
+    under = {one.find.id: beneath(one) for one in finds[:MOST_BENEATH]} if beneath is not None else {}
+    found = "\n".join(_card(one, crops.get(one.find.id), _taken(one, view), under.get(one.find.id)) for one in finds)
     return f'<div class="finds">\n{found}\n</div>'
 
 
@@ -87,12 +104,15 @@ def _taken(one: PlacedFind, view: FlightView) -> str:
     return "" if taken is None else f", {taken.words()}"
 
 
-def _card(one: PlacedFind, crop: bytes | None, taken: str) -> str:
+def _card(one: PlacedFind, crop: bytes | None, taken: str, beneath: Beneath | None) -> str:
     find, place = one.find, one.place
     name = html.escape(find.label or find.kind or "find")
     picture = '<div class="none"></div>'
     if crop is not None:
-        picture = f'<img alt="{name}" src="data:image/jpeg;base64,{base64.b64encode(crop).decode("ascii")}">'
+        picture = _image(name, crop)
+    if beneath is not None:
+        picture += f"</figure><figure>{_image(html.escape(beneath.words), beneath.picture)}"
+        picture += f"<figcaption>{html.escape(beneath.words)}</figcaption>"
     where = f"island {place.island}, canvas {place.x:.1f}, {place.y:.1f}"
     if one.geo is not None:
         where = f"{coordinate(one.geo)}; {where}"
@@ -103,6 +123,10 @@ def _card(one: PlacedFind, crop: bytes | None, taken: str) -> str:
         f"<article><figure>{picture}</figure><h2>{find.id}. {name}</h2><p>{html.escape(find.note)}</p>"
         f"<small>{html.escape(find.kind)} &middot; {html.escape(when)}<br>{html.escape(where)}</small></article>"
     )
+
+
+def _image(name: str, picture: bytes) -> str:
+    return f'<img alt="{name}" src="data:image/jpeg;base64,{base64.b64encode(picture).decode("ascii")}">'
 
 
 def coordinate(geo: GeoPlace) -> str:

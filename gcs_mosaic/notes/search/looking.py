@@ -111,7 +111,7 @@ class Looking:
         if not wanted:
             self.give_back(asked.session)
             return None
-        return self._lend(self._around(self._nearest(wanted, asked, own), asked, taken))
+        return self._lend(self._around(self._nearest(wanted, asked, own), asked, taken, free))
 
     def looked(self, session: str) -> GroundPatch | None:
         """What is lent to a page."""
@@ -139,8 +139,9 @@ class Looking:
         x, y = at
         return min(wanted, key=lambda cell: (abs(cell[1] - y) // asked.lines, abs(cell[0] - x), cell[1], cell[0]))
 
-    def _around(self, cell: Cell, asked: Place, taken: set[Cell]) -> GroundPatch:
-        """The patch of a fixed grid that holds a cell, cut so that it has none that others have."""
+    def _around(self, cell: Cell, asked: Place, taken: set[Cell], free: set[Cell]) -> GroundPatch:
+        """The patch of a fixed grid that holds a cell, cut so that it has none that others have, and no wider than what is free,
+        which so stands in the middle of the screen."""
         (x, y), right, bottom = cell, 1, 1
         left, top = x - x % asked.columns, y - y % asked.lines
         x = next((one + 1 for one in range(x - 1, left - 1, -1) if (one, y) in taken), left)
@@ -151,6 +152,8 @@ class Looking:
             y, bottom = y - 1, bottom + 1
         while y + bottom < top + asked.lines and not any((one, y + bottom) in taken for one in row):
             bottom += 1
+        ours = [(i, k) for k in range(y, y + bottom) for i in range(x, x + right) if (i, k) in free]
+        (x, right), (y, bottom) = ((min(along), max(along) + 1 - min(along)) for along in zip(*ours, strict=True))
         return GroundPatch(
             session=asked.session, who=asked.who, island=asked.island, x=x, y=y, columns=right, lines=bottom
         )

@@ -172,7 +172,7 @@ async def detection_tile(request: web.Request) -> web.StreamResponse:
 async def _sought(request: web.Request) -> Sought:
     """What the address asks. Raises Unfit."""
     asked, island = asked_query(request, PersonQuery), int(request.match_info["island"])
-    person, outline = Person(posture=asked.posture, clothes=asked.clothes), _outline(asked.outline)
+    person, outline = Person(posture=asked.posture, clothes=asked.clothes), outline_of(asked.outline)
     if asked.pixels is not None:
         pixel = await in_thread(request, units_of_pixel, request.app[VIEW], island)
         side = None if pixel is None else asked.pixels * pixel
@@ -224,7 +224,7 @@ def _tile(request: web.Request, asked: Sought, tile: Tile) -> bytes | None:
     return tile_picture(COLOURS, np.where(known, found.probability[at], np.nan))
 
 
-def _outline(text: str) -> PointsNx2 | None:
+def outline_of(text: str) -> PointsNx2 | None:
     """Corners (n, 2) on the canvas. Raises Unfit."""
     if not text:
         return None

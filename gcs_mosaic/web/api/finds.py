@@ -240,9 +240,11 @@ def _export(request: web.Request, shown: Sequence[PlacedFind], kind: str) -> str
     if kind == "csv":
         return as_csv(shown)
     if kind == "html":
+        from gcs_mosaic.handover.beneath import BeneathLeaves
         from gcs_mosaic.notes.finds.report import as_report
 
-        return as_report(shown, flight, request.app[VIEW], time.time())
+        view = request.app[VIEW]
+        return as_report(shown, flight, view, time.time(), BeneathLeaves(view))
     return (as_geojson if kind == "geojson" else as_kml)(shown, flight)
 
 

@@ -19,12 +19,12 @@ from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of
 from gcs_mosaic.notes.anchors.pins import SetPin
 from gcs_mosaic.notes.anchors.scales import IslandScale
 from gcs_mosaic.notes.finds.finds import Find, PlacedFind, placed
-from gcs_mosaic.notes.storage.checked import Who
+from gcs_mosaic.notes.storage.checked import Unfit, Who
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.web.api.asked import asked_body, asked_query
 from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, answer, in_thread, missing
-from gcs_mosaic.web.api.detection import MEASURING
+from gcs_mosaic.web.api.detection import MEASURING, outline_of
 from gcs_mosaic.web.api.finds import COT, ONE
 from gcs_mosaic.web.api.layers import TILES
 from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from gcs_mosaic.handover.cot_address import CotAddress
 
 OPERATIONS = Operations()
+LEAST_LOOKS = 2  # through trees
 FINDING_NAMES_S = 1.0  # what looking up a name, which has no limit of its own, may take beyond all that has one
 Pinned = tuple[Sequence[SetPin], bool]  # the pins, and whether positions may lay the map
 TYPES = {
@@ -66,6 +67,12 @@ class MissionQuery:
     ] = None
     posture: Posture = "lying"
     clothes: Clothes = "blue"
+    outline: Annotated[
+        str,
+        Limits(longest=6000),
+        "instead: all ground inside x,y;x,y;... on the island's canvas, so that `looks` frames show each place",
+    ] = ""
+    at: Annotated[float, Limits(least=0.1, most=4), "height for an outline, in heights of the flight"] = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +132,9 @@ def add_sending(app: web.Application) -> None:
 async def mission(request: web.Request) -> web.StreamResponse:
     """A mission over gaps, and over what was seen too seldom or too coarsely: waypoints, and camera triggers by distance."""
     asked, notes, kind = asked_query(request, MissionQuery), request.app[NOTES], request.match_info["format"]
+    outline = outline_of(asked.outline)
+    if outline is not None and (asked.island is None or asked.looks < LEAST_LOOKS):
+        raise Unfit(f"with an outline, island is to be given, and looks to be {LEAST_LOOKS} or more.")
     _, *pinned = await notes.run(notes.pinned)
     try:
         scales = await scales_of(request)
@@ -264,6 +274,8 @@ def _file(
         height_m=asked.height,
         below=asked.below,
         person=Person(posture=asked.posture, clothes=asked.clothes),
+        outline=() if (outline := outline_of(asked.outline)) is None else tuple((x, y) for x, y in outline.tolist()),
+        at_height=asked.at,
     )
     anchors = _anchors(request.app[NOTES].islands(*pinned))
     detections = request.app[MEASURING].detections

@@ -15,7 +15,9 @@ from gcs_mosaic.web.api import (
     detection,
     finds,
     flight,
+    flying,
     frames,
+    ground,
     handed_over,
     hints,
     hints_dismissed,
@@ -46,10 +48,12 @@ ROOMS = (
     hints,
     hints_dismissed,
     integral,
+    ground,
     movers,
     anchors,
     maps,
     handed_over,
+    flying,
     documents,
     tiles,
     live,
@@ -67,6 +71,7 @@ def add_api(app: web.Application, root: Path, feed: Feed, settings: HintSettings
     layers.keep_tiles(app)
     detection.add_detection(app)
     integral.add_lenses(app)
+    ground.add_ground(app)
     frames.keep_pieces(app)
     movers.keep_search(app)
     handed_over.add_sending(app)

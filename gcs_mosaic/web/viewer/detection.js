@@ -148,7 +148,9 @@ export class Detection {
     byId("detection-scale").hidden = answer.by === "anchor" || answer.by === "distance";
     const isWhole = answer.measured === answer.frames;
     this.told.textContent = answer.flown == null ? "" : t("{share} % in what was flown so far, gaps included", { share: percent(answer.flown) });
+    this.told.classList.toggle("figure", isWhole); // of a few pictures it is none to go by
     const notes = [answer.trouble && said(answer.trouble)];
+    if (answer.frames && !isWhole) notes.push(t("{n} of {all} pictures are measured.", { n: answer.measured, all: answer.frames }));
     if (answer.seen != null) notes.push(t("On ground that was seen: {share} %.", { share: percent(answer.seen) }));
     const unstated = Math.ceil(100 * (1 - (answer.covered ?? 1)));
     if (unstated) notes.push(t("Of {share} % of that ground nothing is stated, and it is not in these figures.", { share: unstated }));
@@ -156,7 +158,6 @@ export class Detection {
     if (unknown === 1) notes.push(t("Whether leaves hide the ground is not known, for no two looks tell: these figures are of open ground."));
     else if (unknown) notes.push(t("On {share} % of it no two looks tell whether leaves hide the ground: it is taken for as open as the rest.", { share: Math.ceil(100 * unknown) }));
     if (answer.person_px != null) notes.push(t("A person is {px} px across in an original.", { px: answer.person_px.toFixed(1) }));
-    if (answer.frames && !isWhole) notes.push(t("{n} of {all} pictures are measured.", { n: answer.measured, all: answer.frames }));
     byId("detection-said").textContent = notes.filter(Boolean).join(" ");
     this.part.textContent = answer.part == null ? "" : t("{share} % in the part drawn", { share: percent(answer.part) });
   }

@@ -65,7 +65,8 @@ export class Reviews {
   isLookedAt() {
     const { layer, map } = this.map;
     const isAwake = Date.now() - this.lastInput < AWAKE_MS;
-    const isLooking = this.isCounting && isAwake && document.visibilityState === "visible" && isMapFree() && byId("looking").hidden;
+    const isMap = !map.getContainer().classList.contains("through-trees"); // what is laid together is not as sharp as the frames
+    const isLooking = isMap && this.isCounting && isAwake && document.visibilityState === "visible" && isMapFree() && byId("looking").hidden;
     return isLooking && Boolean(layer) && map.getZoom() >= this.leastLevel() - 0.5;
   }
 
@@ -110,12 +111,11 @@ export class Reviews {
   draw({ cell, missing }) {
     this.shade.clearLayers();
     const { renderer } = this;
-    for (const [x, y] of missing) {
-      const corner = [cell.units * y - 2 ** 23, cell.units * x - 2 ** 23];
-      /** @type {any} */
-      const bounds = [corner, [corner[0] + cell.units, corner[1] + cell.units]];
-      this.shade.addLayer(L.rectangle(bounds, { renderer, stroke: false, fillColor: "#30006b", fillOpacity: 0.45, interactive: false }));
-    }
+    const { units } = cell;
+    const cells = missing.map(([x, y]) => [units * y - 2 ** 23, units * x - 2 ** 23])
+      .map(([top, left]) => [[[top, left], [top, left + units], [top + units, left + units], [top + units, left]]]);
+    // All in one, and none simplified, so that no seams show between them.
+    this.shade.addLayer(L.polygon(/** @type {any} */ (cells), { renderer, smoothFactor: 0, stroke: false, fillColor: "#30006b", fillOpacity: 0.45, interactive: false }));
   }
 
   /** @param {readonly Api.Reviewer[]} reviewers */

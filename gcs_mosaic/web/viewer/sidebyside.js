@@ -49,12 +49,15 @@ export class SideBySide {
     const { island, x, y } = this.place;
     this.list.replaceChildren(...this.order.map(({ one, index }, at) => {
       const time = one.time ? written(one.time) : "";
-      const said = [`${at + 1}.`, time && t(one.time_by === "file" ? "came {time}" : "taken {time}", { time }), ...(index ? [] : [t("the best look")])];
+      const said = [`${at + 1}.`, time && t(one.time_by === "file" ? "came {time}" : "taken {time}", { time })];
       const src = `/api/v1/islands/${island}/looks/${one.number}.jpg?x=${x}&y=${y}&side=${this.side}&cells=${CELLS}`;
       const picture = element("img", { src, alt: "", loading: "lazy", width: CELLS, height: CELLS });
-      picture.onerror = () => picture.replaceWith(element("i", { textContent: t("cannot be shown") }));
+      const shown = element("span", { className: "coming" }, picture);
+      picture.onload = picture.onerror = () => shown.classList.remove("coming");
+      picture.addEventListener("error", () => picture.replaceWith(element("i", { textContent: t("cannot be shown") })));
       const caption = element("small", { textContent: said.filter(Boolean).join(" ") });
-      const press = element("button", { type: "button", title: one.name, onclick: () => this.choose(index) }, element("span", {}, picture), caption);
+      if (!index) caption.append(" ", element("b", { textContent: t("the best look") }));
+      const press = element("button", { type: "button", title: one.name, onclick: () => this.choose(index) }, shown, caption);
       return element("li", {}, press);
     }));
   }

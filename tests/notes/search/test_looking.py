@@ -121,6 +121,18 @@ def test_a_server_that_is_started_again_lends_nothing_twice(book: NotesBook) -> 
     again.close()
 
 
+def test_a_patch_is_no_wider_than_the_ground_in_it(book: NotesBook) -> None:
+    """Which would lie in a corner of the screen else, beside nothing that can be looked at."""
+    helpers = Helpers(book)
+    for _ in range(40):
+        patch = helpers.ask("a")
+        if patch is None:
+            break
+        assert patch.cells() <= GROUND
+        helpers.look("a")
+    assert helpers.open() == set()
+
+
 def test_somebody_goes_on_where_they_looked_last(book: NotesBook) -> None:
     helpers = Helpers(book)
     helpers.reviews.report(ReviewedView(0, box_of(112, 57, 2, 2), 16, 3.0, "a"))
