@@ -29,6 +29,14 @@ TONE_SHRINK = 8  # pixel size of the maps of tone and detail, in pixels of the a
 TONE_BLUR = 7  # pixels of that map, a side, averaged for a tone: so wide that no person changes it
 LEAST_GROUND = 0.02  # weight of a thing in a tone relative to ground, which has 1
 BEYOND = 1.5  # factor by which a thing's contrast must exceed all around it in the other frame to be missing there
+# Grey levels beyond which, in all channels, light is clipped: another frame may show what is there.
+CLIPPED_DARK, CLIPPED_BRIGHT = 2, 250
+# Pixels of the analysed image: side of the squares over which the share of clipped ones is taken; size of what may be a vehicle;
+# how far blown light glares.
+CLIPPED_AROUND, VEHICLE, GLARE = 25, 120, 32
+PATCH = 64  # of 255; share of clipped pixels that make a patch of light
+MOST_LOST = 5  # of 255; share of clipped pixels around places of which detail is taken
+LEAST_LIT = 0.1  # share of such places from which detail is told
 LEAST = 20  # minimum contrast in the units kept here: L, a and b are each scaled to it
 
 
@@ -84,6 +92,29 @@ def _in_least_ones(maps: Planes, times: float) -> list[cv2.typing.MatLike]:
     return [cv2.LUT(plane, tables[:, way]) for way, plane in enumerate(maps)]
 
 
+def clipped(look: ImageBGR) -> tuple[ImageGrey, ImageGrey]:
+    """255 where all channels are blown, and where all are black, else 0."""
+    blown, black = (
+        cv2.inRange(look, (CLIPPED_BRIGHT,) * 3, (255,) * 3),
+        cv2.inRange(look, (0,) * 3, (CLIPPED_DARK,) * 3),
+    )
+    return np.asarray(blown, np.uint8), np.asarray(black, np.uint8)
+
+
+def patches(unlit: ImageGrey, shape: tuple[int, ...], beside: int = 0) -> ImageGrey:
+    """Share of pixels around that are `unlit`, of 255, as a plane of this shape, and the greatest one within `beside` px. None of
+    what is no larger than a vehicle: that may be one."""
+    share = cv2.resize(unlit, shape[1::-1], interpolation=cv2.INTER_AREA)
+    share = np.asarray(cv2.blur(share, (CLIPPED_AROUND // POOL | 1,) * 2), np.uint8)
+    if share.max(initial=0) < PATCH:
+        return np.zeros_like(share)
+    _, numbers, boxes, _ = cv2.connectedComponentsWithStats((share >= PATCH).astype(np.uint8), connectivity=8)
+    large = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT]) > VEHICLE // POOL
+    large[0] = False  # the ground
+    share[~large[numbers]] = 0
+    return np.asarray(cv2.dilate(share, np.ones((2 * (beside // POOL) + 1,) * 2, np.uint8)), np.uint8)
+
+
 def small_look(look: ImageBGR, shape: tuple[int, ...]) -> list[ImageGrey]:
     """Its colours as three planes of this shape."""
     small = cv2.resize(look, shape[1::-1], interpolation=cv2.INTER_AREA)
@@ -94,13 +125,17 @@ def coarse_size(look: ImageBGR) -> tuple[int, int]:
     return max(1, look.shape[1] // TONE_SHRINK), max(1, look.shape[0] // TONE_SHRINK)
 
 
-def detail_of(look: ImageBGR) -> Map:
-    """Local amount of detail; the same ground has more of it in a sharper frame."""
-    grey = cv2.cvtColor(look, cv2.COLOR_BGR2GRAY)
+def detail_of(look: ImageBGR, unlit: ImageGrey) -> Map:
+    """Local amount of detail; the same ground has more of it in a sharper frame. The edges and the glitter of what is clipped
+    (`unlit`) are none of the ground's."""
+    grey, size = cv2.cvtColor(look, cv2.COLOR_BGR2GRAY), coarse_size(look)
+    box = (DETAIL_AROUND // TONE_SHRINK,) * 2
     fine = cv2.absdiff(grey, cv2.blur(grey, (DETAIL, DETAIL)))
-    around = DETAIL_AROUND // TONE_SHRINK
-    mean = cv2.resize(fine.astype(np.float32), coarse_size(look), interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.blur(mean, (around, around)), dtype=np.float16)
+    mean = cv2.resize(fine.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    lost = cv2.blur(cv2.resize(unlit, size, interpolation=cv2.INTER_AREA).astype(np.float32), (3, 3))
+    lit = (lost <= MOST_LOST).astype(np.float32)
+    share = cv2.blur(lit, box)
+    return np.asarray(cv2.blur(mean * lit, box) / np.maximum(share, np.float32(LEAST_LIT)), dtype=np.float16)
 
 
 def tone_of(look: ImageBGR, things: Sequence[ImageGrey]) -> Map | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gcs_mosaic.render.blending import blended, blended_bands
 from gcs_mosaic.render.cells import CELL
-from gcs_mosaic.render.exposure import SHOULDER, apply_gain, rolled_off
+from gcs_mosaic.render.exposure import SHOULDER, WHITE, apply_gain, rolled_off
 from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import Layer, make_layer
@@ -30,6 +30,11 @@ LEAST_SHARE = 1e-3  # of 255
 AT_ONCE = 16  # rows of pixels
 # A sharp transition takes half a cell, not a whole one: a person on a seam is transparent on fewer pixels.
 STEEP = np.clip(2 * np.arange(256) - 127.5, 0, 255).astype(np.uint8)
+# Grey levels that all channels exceed where a photograph nears saturation; from WHITE on the true light is not known, and no
+# correction makes it grey. Below the ramp a correction goes all the way: the light there was measured.
+NEARS_WHITE = 235
+# Share of the photograph as it was taken, by its lowest channel.
+WHITENESS = np.clip((np.arange(256) - NEARS_WHITE) * (255 / (WHITE - NEARS_WHITE)), 0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +137,7 @@ def enlarged(patch: AnyImage) -> AnyImage:
 
 
 def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> ImageBGR:
-    """An image (h, w, 3) times its gains and a factor (h, w, 3), rolled off, plus a shift (h, w, 3)."""
+    """An image (h, w, 3) times its gains and a factor (h, w, 3), rolled off, plus a shift (h, w, 3); white stays white."""
     if bright is None:
         lit: Any = apply_gain(colour, gain)
     else:
@@ -144,8 +149,20 @@ def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | N
                 rows = slice(top, top + AT_ONCE)
                 lit[rows] = rolled_off(lit[rows], by[rows])
     if shift is not None:
-        return np.asarray(cv2.add(lit, shift, dtype=cv2.CV_8U), np.uint8)
-    return np.asarray(lit if bright is None else cv2.convertScaleAbs(lit), np.uint8)
+        lit = cv2.add(lit, shift, dtype=cv2.CV_8U)
+    elif bright is not None:
+        lit = cv2.convertScaleAbs(lit)
+    return with_whites(np.asarray(lit, np.uint8), colour)
+
+
+def with_whites(lit: ImageBGR, taken: ImageBGR) -> ImageBGR:
+    """A corrected image (h, w, 3), not darker than it was `taken` where that is saturated, and less so than corrected where it
+    nears saturation."""
+    if lit is taken or int(taken.max(initial=0)) <= NEARS_WHITE:
+        return lit
+    least = cv2.min(cv2.min(cv2.extractChannel(taken, 0), cv2.extractChannel(taken, 1)), cv2.extractChannel(taken, 2))
+    share = np.asarray(cv2.LUT(least, WHITENESS), np.uint8)
+    return np.maximum(lit, blended(taken, lit, share)) if share.any() else lit
 
 
 def mixed(parts: Sequence[tuple[Part, Piece]]) -> Layer | None:

@@ -5,7 +5,8 @@ A salient thing in one frame where another has none (a person, a vehicle that ha
 seen once stays on the map. A static thing is salient in all frames, and then the weight decides. In between is a thing that the
 other frame has some distance away: a tall one seen from another side, or a walking person. There the weight decides too, with a
 small bonus for the thing: stacked pipes are not assembled from pieces of several frames, and nobody is lost who crossed the
-seam between two.
+seam between two. Light that is clipped shows nothing: there another frame is shown which has it, unless it lacks the thing
+that is clipped.
 
 Residual exposure differences are blended in two frequency bands, after P. Burt and E. Adelson, "A Multiresolution Spline with
 Application to Image Mosaics", ACM Transactions on Graphics 2(4), 1983: the seam is narrow for detail and wide for tone
@@ -19,7 +20,19 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from gcs_mosaic.render.blend_maps import LEAST, BlendMaps, Of, contrasts, detail_of, grouped_planes, small_look, tone_of
+from gcs_mosaic.render.blend_maps import (
+    GLARE,
+    LEAST,
+    BlendMaps,
+    Of,
+    clipped,
+    contrasts,
+    detail_of,
+    grouped_planes,
+    patches,
+    small_look,
+    tone_of,
+)
 from gcs_mosaic.render.blending import LEAST_WEIGHT
 from gcs_mosaic.render.cells import Cells, Owned, Seen, Window
 from gcs_mosaic.render.frame_warp import FrameWarp
@@ -28,25 +41,41 @@ from gcs_mosaic.render.sampling import at_cells, hindrance, inside, lattice_part
 from gcs_mosaic.render.seam_path import least_seen
 from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Lattice, Planes, PlaneStack
 
-# Planes seen of a frame and kept of the one that shows; the last ones also of the next best.
+# Planes of a frame's look.
+BRIGHTER = 0
 THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
-LOOK = slice(3 * WAYS, 3 * WAYS + 3)
+CLIPPED = 3 * WAYS
+COLOURS = slice(CLIPPED + 1, CLIPPED + 4)
+# What is seen of a frame and kept of the one that shows; the last ones also of the next best.
+SHARPNESS = CLIPPED + 1
+LOOK = slice(SHARPNESS + 1, SHARPNESS + 4)
 SECOND_LOOK = slice(LOOK.stop, LOOK.stop + 3)
 KEPT = SECOND_LOOK.stop
 
-LEAST_DETAIL = 1.0  # grey levels; the noise level of bare ground
-SHARP = 3.0  # exponent of the detail ratio: a frame with a third less detail yields to one with a third of its weight
+LEAST_DETAIL = 0.5  # grey levels; the noise level of bare ground
+SHARP = 5.0  # exponent of the detail ratio: a frame with an eighth less detail yields to one with half of its weight
 SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lacks: exceeds any weight
 # Added where the other frame has one some distance away: more than the log weight ratio changes over that distance, so that of
 # two frames that see a person in two places not each defers to the other.
 ELSEWHERE = 1.0
+# A frame that is blurred by motion or out of focus has less detail, in log: two frames of the same ground that are not hardly
+# differ by the first, and beyond the second one of them is blurred for certain. It loses this much then, which outweighs the
+# distance from the border of all but the outermost fiftieth of another frame.
+ALIKE, BLURRED = 0.2, 0.35
+BLUR = 4.0
+STEPS = 40  # of the sharpness kept, per unit of log detail
+# Subtracted where all is clipped, and its share where a part is: as much as for blur.
+NO_LIGHT = 4.0
 
 
 def look_for_seams(look: ImageBGR, of: Of) -> BlendMaps:
-    """What is kept of a frame's image: contrasts, colours, detail, tone."""
-    found = contrasts(look)
-    planes = grouped_planes([*found, *small_look(look, found[0].shape)])
-    return BlendMaps(of, planes, detail_of(look), tone_of(look, found[THINGS]))
+    """What is kept of a frame's image: contrasts, clipped light, colours, detail, tone."""
+    found, (blown, black) = contrasts(look), clipped(look)
+    shape = found[0].shape
+    glaring, unlit = patches(blown, shape, GLARE), patches(black, shape)
+    found[BRIGHTER][glaring > 0] = 0  # the rim of a glare is not a thing; what shines in the dark may be someone
+    planes = grouped_planes([*found, np.maximum(glaring, unlit), *small_look(look, shape)])
+    return BlendMaps(of, planes, detail_of(look, np.maximum(blown, black)), tone_of(look, found[THINGS]))
 
 
 def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
@@ -58,12 +87,15 @@ def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
     blue, green, red = frame.factors(window)
     gain = _light(blue, green, red)
     planes = _at_places(maps.planes, places_in(pixels, frame.lattice, maps.planes[0].shape))
-    planes = [times(one, by) for one, by in zip(planes, [gain] * 3 * WAYS + [blue, green, red], strict=True)]
+    planes[:CLIPPED] = [times(one, gain) for one in planes[:CLIPPED]]
+    planes[COLOURS] = [times(one, by) for one, by in zip(planes[COLOURS], (blue, green, red), strict=True)]
     detail = sampled(maps.detail.astype(np.float32), places_in(pixels, frame.lattice, maps.detail.shape))
     for one in planes[THINGS]:  # things seen only at the very border are unreliable, those of an overlay are none
         one[weight <= LEAST_WEIGHT] = 0
     covered = inside(frame.lattice, where)
-    score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
+    sharpness = np.log1p(gain * detail / np.float32(LEAST_DETAIL))
+    planes.insert(SHARPNESS, cv2.convertScaleAbs(sharpness, alpha=STEPS))
+    score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * sharpness
     return Seen(covered, np.asarray(score - hindrance(frame.lattice, where, covered), np.float32), np.stack(planes))
 
 
@@ -97,8 +129,28 @@ def times(plane: ImageGrey, factor: Lattice | np.float32) -> ImageGrey:
 def decide(cells: Cells, seen: Seen) -> Lattice:
     """Score margin of the new frame over those that show, with things before plain ground."""
     nowhere = only(seen.planes, cells.planes, FAR) - only(cells.planes, seen.planes, FAR)
-    not_here = only(seen.planes, cells.planes, NEAR) - only(cells.planes, seen.planes, NEAR)
-    return np.asarray(seen.score - cells.score + SALIENT * nowhere + ELSEWHERE * not_here, np.float32)
+    not_here, not_there = only(seen.planes, cells.planes, NEAR), only(cells.planes, seen.planes, NEAR)
+    sharper = _log_detail(seen.planes) - _log_detail(cells.planes)
+    clearly = _less_blurred(sharper)
+    by_detail = SHARP * sharper + clearly
+    lost = _lost(cells.planes, -by_detail) * (1 - not_there) - _lost(seen.planes, by_detail) * (1 - not_here)
+    of_things = SALIENT * nowhere + ELSEWHERE * (not_here - not_there)
+    return np.asarray(seen.score - cells.score + clearly + lost + of_things, np.float32)
+
+
+def _log_detail(planes: Planes) -> Lattice:
+    return np.asarray(planes[SHARPNESS] * np.float32(1 / STEPS), np.float32)
+
+
+def _less_blurred(sharper: Lattice) -> Lattice:
+    """What is due (h, w) to a frame sharper than another by this log ratio, if that is blurred; negative if it is itself."""
+    clearly = np.minimum(np.maximum(np.abs(sharper) - np.float32(ALIKE), 0), np.float32(BLURRED - ALIKE))
+    return np.copysign(clearly * np.float32(BLUR / (BLURRED - ALIKE)), sharper)
+
+
+def _lost(planes: Planes, by_detail: Lattice) -> Lattice:
+    """What a frame loses (h, w) where its light is clipped, and with it what is due to it for detail there: that is glitter."""
+    return np.asarray(planes[CLIPPED] * np.float32(1 / 255) * (NO_LIGHT + np.maximum(by_detail, 0)), np.float32)
 
 
 def only(one: Planes, other: Planes, reach: slice) -> Lattice:

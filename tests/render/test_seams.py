@@ -7,7 +7,7 @@ from gcs_mosaic.render.blend_maps import BEYOND
 from gcs_mosaic.render.cells import WHOLLY, Cells, Seen, lay_over, unknown
 from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import PLAIN
-from gcs_mosaic.render.seams import FAR, KEPT, LOOK, NEAR, THINGS, decide, look_for_seams
+from gcs_mosaic.render.seams import CLIPPED, FAR, KEPT, LOOK, NEAR, SHARPNESS, STEPS, THINGS, decide, look_for_seams
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -17,12 +17,15 @@ SHAPE = 4, 4
 SHOWN, NEW = 1, 2
 
 
-def seen(weight: float, thing: float = 0, near: float = 0, far: float = 0, log_detail: float = 1) -> Seen:
+def seen(
+    weight: float, thing: float = 0, near: float = 0, far: float = 0, log_detail: float = 1, clipped: float = 0
+) -> Seen:
     """thing: contrast of one that is brighter than all around; near, far: of anything that is, twice the least to be noticed
-    being 40."""
+    being 40; clipped: share of pixels."""
     planes = np.zeros((LOOK.stop, *SHAPE), np.uint8)
     for where, contrast in ((THINGS, thing), (NEAR, BEYOND * near), (FAR, BEYOND * max(near, far))):
         planes[where.start] = min(contrast, 255)
+    planes[SHARPNESS], planes[CLIPPED] = round(STEPS * log_detail), round(255 * clipped)
     score = np.full(SHAPE, np.log(weight) + 3 * log_detail, np.float32)
     return Seen(np.full(SHAPE, WHOLLY, np.uint8), score, planes)
 
@@ -71,6 +74,29 @@ def test_of_two_frames_the_sharper_one_is_taken() -> None:
     assert shown(seen(0.8, log_detail=0.5), seen(0.5, log_detail=1.0)) == NEW
 
 
+def test_a_blurred_frame_yields_to_the_border_of_a_sharp_one() -> None:
+    assert shown(seen(1.0, log_detail=0.7), seen(0.03, log_detail=1.0)) == NEW
+    assert shown(seen(0.03, log_detail=1.0), seen(1.0, log_detail=0.7)) == SHOWN
+
+
+@pytest.mark.parametrize("log_detail", [0.2, 3.0])
+def test_where_all_are_blurred_alike_none_yields(log_detail: float) -> None:
+    assert shown(seen(0.5, log_detail=log_detail), seen(0.4, log_detail=log_detail + 0.05)) == SHOWN
+
+
+def test_clipped_light_yields_to_a_frame_that_has_it() -> None:
+    assert shown(seen(1.0, clipped=1.0), seen(0.03)) == NEW
+    assert shown(seen(0.03), seen(1.0, clipped=1.0)) == SHOWN
+    assert shown(seen(0.5, clipped=1.0), seen(0.4, clipped=1.0)) == SHOWN
+    assert shown(seen(0.5, clipped=0.02), seen(0.4)) == SHOWN
+
+
+def test_a_clipped_thing_is_kept_where_the_other_has_none() -> None:
+    """Someone in white who walks: each of two frames has them elsewhere, and neither may defer to the other."""
+    assert shown(seen(0.6, 90, 90, clipped=1.0), seen(0.5, far=90)) == SHOWN
+    assert shown(seen(0.6, far=90), seen(0.5, 90, 90, clipped=1.0)) == NEW
+
+
 def test_the_next_best_is_remembered_too() -> None:
     cells = folded(seen(0.3), seen(0.5), seen(0.4), seen(0.2))
     assert (cells.first == 2).all()
@@ -89,6 +115,59 @@ def map_of(canvas: TileCompositor, columns: int) -> np.ndarray:
     """Two rows of tiles."""
     tiles = [[canvas.tile(0, Tile(16, (1 << 15) + x, (1 << 15) + y)) for x in range(columns)] for y in range(2)]
     return np.vstack([np.hstack([sure(tile).colour for tile in row]) for row in tiles])
+
+
+def side_by_side(pictures: list[np.ndarray], apart: int) -> np.ndarray:
+    """The map of frames of 640x480, each further to the right, without the outermost pixels."""
+    camera = Camera(640, 480, focal=1.2)
+    with TileCompositor(lambda name: None, CompositorSettings(interpolation="linear")) as canvas:
+        for order, picture in enumerate(pictures):
+            canvas.paint(picture, painted(order, 320.0 + apart * order, 240.0, camera=camera))
+        width = apart * (len(pictures) - 1) + 640
+        return map_of(canvas, -(-width // 256))[16:464, 16 : width - 16]
+
+
+def test_a_frame_blurred_by_motion_does_not_show_where_others_see() -> None:
+    """Its middle is where the others' borders meet, 20 px inside them."""
+    ground = np.random.default_rng(4).normal(100, 6, (480, 1240, 3))
+    pictures = [np.clip(ground[:, left : left + 640], 0, 255).astype(np.uint8) for left in (0, 300, 600)]
+    pictures[1] = np.asarray(cv2.blur(pictures[1], (9, 1)), np.uint8)
+    fine = side_by_side(pictures, 300).astype(np.float32)
+    rough = cv2.blur((fine - cv2.blur(fine, (9, 1))) ** 2, (25, 25))
+    assert rough.min() > 0.5 * np.median(rough)
+
+
+def test_a_sun_glint_is_shown_from_the_frame_that_has_it_elsewhere() -> None:
+    """Glitter on water, blown over 130 px at the same place in each frame."""
+    rng = np.random.default_rng(5)
+    water, (y, x) = rng.normal(90, 3, (480, 840, 3)), np.mgrid[:480, :640]
+    glow = 400 * np.exp(-((x - 320) ** 2 + (y - 240) ** 2) / 70**2)[..., None]
+    pictures = []
+    for left in (0, 200):
+        glitter = water[:, left : left + 640] + glow * rng.uniform(0.9, 1.1, (480, 640, 1))
+        pictures.append(np.clip(glitter, 0, 255).astype(np.uint8))
+    taken, shown_of_it = (float((one.min(axis=2) >= 250).mean()) for one in (pictures[0], side_by_side(pictures, 200)))
+    assert taken > 0.04
+    assert shown_of_it < 0.02 * taken
+
+
+def test_who_shines_in_the_dark_is_a_thing() -> None:
+    night = np.zeros((480, 640, 3), np.uint8)
+    night[200:209, 300:309] = 255
+    assert look_planes(night)[THINGS].max() > 0
+
+
+def test_who_is_dark_on_blown_snow_is_a_thing_and_its_rim_is_none() -> None:
+    snow = np.full((480, 640, 3), 255, np.uint8)
+    snow[:, :200] = 90
+    assert look_planes(snow)[THINGS.start].max() == 0
+    snow[200:209, 400:409] = (60, 60, 60)
+    assert look_planes(snow)[THINGS][:, 45:60, 95:110].max() > 0
+
+
+def look_planes(picture: np.ndarray) -> np.ndarray:
+    """The planes of its look, (k, h, w)."""
+    return np.moveaxis(np.dstack(look_for_seams(picture, (PLAIN, NO_BORDER)).planes), 2, 0)
 
 
 def test_each_place_is_from_one_frame_but_for_a_few_pixels() -> None:
