@@ -52,19 +52,17 @@ LOOK = slice(SHARPNESS + 1, SHARPNESS + 4)
 SECOND_LOOK = slice(LOOK.stop, LOOK.stop + 3)
 KEPT = SECOND_LOOK.stop
 
-LEAST_DETAIL = 0.5  # grey levels; the noise level of bare ground
-SHARP = 5.0  # exponent of the detail ratio: a frame with an eighth less detail yields to one with half of its weight
+LEAST_DETAIL = 1.0  # grey levels; the noise level of bare ground
+# Exponent of the detail ratio: a frame with a third less detail yields to one with a third of its weight. With more of it, crowns
+# that lean into one frame would cover the smooth road that another sees.
+SHARP = 3.0
 SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lacks: exceeds any weight
 # Added where the other frame has one some distance away: more than the log weight ratio changes over that distance, so that of
 # two frames that see a person in two places not each defers to the other.
 ELSEWHERE = 1.0
-# A frame that is blurred by motion or out of focus has less detail, in log: two frames of the same ground that are not hardly
-# differ by the first, and beyond the second one of them is blurred for certain. It loses this much then, which outweighs the
-# distance from the border of all but the outermost fiftieth of another frame.
-ALIKE, BLURRED = 0.2, 0.35
-BLUR = 4.0
 STEPS = 40  # of the sharpness kept, per unit of log detail
-# Subtracted where all is clipped, and its share where a part is: as much as for blur.
+# Subtracted where all is clipped, and its share where a part is: outweighs the distance from the border of all but the outermost
+# fiftieth of another frame.
 NO_LIGHT = 4.0
 
 
@@ -131,21 +129,14 @@ def decide(cells: Cells, seen: Seen) -> Lattice:
     nowhere = only(seen.planes, cells.planes, FAR) - only(cells.planes, seen.planes, FAR)
     not_here, not_there = only(seen.planes, cells.planes, NEAR), only(cells.planes, seen.planes, NEAR)
     sharper = _log_detail(seen.planes) - _log_detail(cells.planes)
-    clearly = _less_blurred(sharper)
-    by_detail = SHARP * sharper + clearly
+    by_detail = SHARP * sharper
     lost = _lost(cells.planes, -by_detail) * (1 - not_there) - _lost(seen.planes, by_detail) * (1 - not_here)
     of_things = SALIENT * nowhere + ELSEWHERE * (not_here - not_there)
-    return np.asarray(seen.score - cells.score + clearly + lost + of_things, np.float32)
+    return np.asarray(seen.score - cells.score + lost + of_things, np.float32)
 
 
 def _log_detail(planes: Planes) -> Lattice:
     return np.asarray(planes[SHARPNESS] * np.float32(1 / STEPS), np.float32)
-
-
-def _less_blurred(sharper: Lattice) -> Lattice:
-    """What is due (h, w) to a frame sharper than another by this log ratio, if that is blurred; negative if it is itself."""
-    clearly = np.minimum(np.maximum(np.abs(sharper) - np.float32(ALIKE), 0), np.float32(BLURRED - ALIKE))
-    return np.copysign(clearly * np.float32(BLUR / (BLURRED - ALIKE)), sharper)
 
 
 def _lost(planes: Planes, by_detail: Lattice) -> Lattice:

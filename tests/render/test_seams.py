@@ -74,11 +74,6 @@ def test_of_two_frames_the_sharper_one_is_taken() -> None:
     assert shown(seen(0.8, log_detail=0.5), seen(0.5, log_detail=1.0)) == NEW
 
 
-def test_a_blurred_frame_yields_to_the_border_of_a_sharp_one() -> None:
-    assert shown(seen(1.0, log_detail=0.7), seen(0.03, log_detail=1.0)) == NEW
-    assert shown(seen(0.03, log_detail=1.0), seen(1.0, log_detail=0.7)) == SHOWN
-
-
 @pytest.mark.parametrize("log_detail", [0.2, 3.0])
 def test_where_all_are_blurred_alike_none_yields(log_detail: float) -> None:
     assert shown(seen(0.5, log_detail=log_detail), seen(0.4, log_detail=log_detail + 0.05)) == SHOWN
@@ -125,16 +120,6 @@ def side_by_side(pictures: list[np.ndarray], apart: int) -> np.ndarray:
             canvas.paint(picture, painted(order, 320.0 + apart * order, 240.0, camera=camera))
         width = apart * (len(pictures) - 1) + 640
         return map_of(canvas, -(-width // 256))[16:464, 16 : width - 16]
-
-
-def test_a_frame_blurred_by_motion_does_not_show_where_others_see() -> None:
-    """Its middle is where the others' borders meet, 20 px inside them."""
-    ground = np.random.default_rng(4).normal(100, 6, (480, 1240, 3))
-    pictures = [np.clip(ground[:, left : left + 640], 0, 255).astype(np.uint8) for left in (0, 300, 600)]
-    pictures[1] = np.asarray(cv2.blur(pictures[1], (9, 1)), np.uint8)
-    fine = side_by_side(pictures, 300).astype(np.float32)
-    rough = cv2.blur((fine - cv2.blur(fine, (9, 1))) ** 2, (25, 25))
-    assert rough.min() > 0.5 * np.median(rough)
 
 
 def test_a_sun_glint_is_shown_from_the_frame_that_has_it_elsewhere() -> None:

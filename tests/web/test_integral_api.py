@@ -84,7 +84,7 @@ def test_what_cannot_be_is_told_in_a_sentence(url: str, flown: Path) -> None:
     code, sentence = refusal(url, island, x=x, y=y)
     assert (code, "Only one frame sees this place" in sentence) == (409, True)
     island, x, y = seen_by(flown, 3, 9)
-    assert "beyond what can be sought" in refusal(url, island, x=x, y=y, cells=64, height=-0.9)[1]
+    assert "beyond what can be sought" in refusal(url, island, x=x, y=y, cells=64, height=-1.6)[1]
     assert "No frame of island" in refusal(url, island, x=1e6, y=1e6)[1]
     assert refusal(url, 77, x=x, y=y)[0] == 409
     assert refusal(url, island, x=x, y=y, form="sum")[0] == 400

@@ -46,7 +46,7 @@ Index = Annotated[int, Limits(least=0, most=(1 << FINEST_LEVEL) - 1)]
 # As `integral.flight_looks` has them, which is not loaded before somebody asks.
 Height = Annotated[
     float | None,
-    Limits(least=-0.4, most=0.5),
+    Limits(least=-1.5, most=0.5),
     "of the focus above the map's ground everywhere, as a share of the flying height; without it the ground is sought",
 ]
 

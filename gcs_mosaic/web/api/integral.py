@@ -41,7 +41,7 @@ class IntegralQuery:
     cells: Annotated[int, Limits(least=32, most=512), "px of the picture's side"] = 360
     height: Annotated[
         float | None,
-        Limits(least=-1, most=1),
+        Limits(least=-2, most=1),
         "of the focus above the map's ground, as a share of the flying height; without it the ground is sought",
     ] = None
     aperture: Annotated[float, Limits(least=0, most=1), "how far it is open: 1 is all looks"] = 1.0
