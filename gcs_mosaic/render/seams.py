@@ -41,14 +41,11 @@ from gcs_mosaic.render.sampling import at_cells, hindrance, inside, lattice_part
 from gcs_mosaic.render.seam_path import least_seen
 from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Lattice, Planes, PlaneStack
 
-# Planes of a frame's look.
 BRIGHTER = 0
+# Planes seen of a frame and kept of the one that shows; the last ones also of the next best.
 THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
 CLIPPED = 3 * WAYS
-COLOURS = slice(CLIPPED + 1, CLIPPED + 4)
-# What is seen of a frame and kept of the one that shows; the last ones also of the next best.
-SHARPNESS = CLIPPED + 1
-LOOK = slice(SHARPNESS + 1, SHARPNESS + 4)
+LOOK = slice(CLIPPED + 1, CLIPPED + 4)
 SECOND_LOOK = slice(LOOK.stop, LOOK.stop + 3)
 KEPT = SECOND_LOOK.stop
 
@@ -60,7 +57,6 @@ SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lack
 # Added where the other frame has one some distance away: more than the log weight ratio changes over that distance, so that of
 # two frames that see a person in two places not each defers to the other.
 ELSEWHERE = 1.0
-STEPS = 40  # of the sharpness kept, per unit of log detail
 # Subtracted where all is clipped, and its share where a part is: outweighs the distance from the border of all but the outermost
 # fiftieth of another frame.
 NO_LIGHT = 4.0
@@ -86,14 +82,12 @@ def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
     gain = _light(blue, green, red)
     planes = _at_places(maps.planes, places_in(pixels, frame.lattice, maps.planes[0].shape))
     planes[:CLIPPED] = [times(one, gain) for one in planes[:CLIPPED]]
-    planes[COLOURS] = [times(one, by) for one, by in zip(planes[COLOURS], (blue, green, red), strict=True)]
+    planes[LOOK] = [times(one, by) for one, by in zip(planes[LOOK], (blue, green, red), strict=True)]
     detail = sampled(maps.detail.astype(np.float32), places_in(pixels, frame.lattice, maps.detail.shape))
     for one in planes[THINGS]:  # things seen only at the very border are unreliable, those of an overlay are none
         one[weight <= LEAST_WEIGHT] = 0
     covered = inside(frame.lattice, where)
-    sharpness = np.log1p(gain * detail / np.float32(LEAST_DETAIL))
-    planes.insert(SHARPNESS, cv2.convertScaleAbs(sharpness, alpha=STEPS))
-    score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * sharpness
+    score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
     return Seen(covered, np.asarray(score - hindrance(frame.lattice, where, covered), np.float32), np.stack(planes))
 
 
@@ -128,20 +122,14 @@ def decide(cells: Cells, seen: Seen) -> Lattice:
     """Score margin of the new frame over those that show, with things before plain ground."""
     nowhere = only(seen.planes, cells.planes, FAR) - only(cells.planes, seen.planes, FAR)
     not_here, not_there = only(seen.planes, cells.planes, NEAR), only(cells.planes, seen.planes, NEAR)
-    sharper = _log_detail(seen.planes) - _log_detail(cells.planes)
-    by_detail = SHARP * sharper
-    lost = _lost(cells.planes, -by_detail) * (1 - not_there) - _lost(seen.planes, by_detail) * (1 - not_here)
+    lost = _lost(cells.planes) * (1 - not_there) - _lost(seen.planes) * (1 - not_here)
     of_things = SALIENT * nowhere + ELSEWHERE * (not_here - not_there)
     return np.asarray(seen.score - cells.score + lost + of_things, np.float32)
 
 
-def _log_detail(planes: Planes) -> Lattice:
-    return np.asarray(planes[SHARPNESS] * np.float32(1 / STEPS), np.float32)
-
-
-def _lost(planes: Planes, by_detail: Lattice) -> Lattice:
-    """What a frame loses (h, w) where its light is clipped, and with it what is due to it for detail there: that is glitter."""
-    return np.asarray(planes[CLIPPED] * np.float32(1 / 255) * (NO_LIGHT + np.maximum(by_detail, 0)), np.float32)
+def _lost(planes: Planes) -> Lattice:
+    """What a frame loses (h, w) where its light is clipped."""
+    return np.asarray(planes[CLIPPED] * np.float32(NO_LIGHT / 255), np.float32)
 
 
 def only(one: Planes, other: Planes, reach: slice) -> Lattice:

@@ -7,7 +7,7 @@ from gcs_mosaic.render.blend_maps import BEYOND
 from gcs_mosaic.render.cells import WHOLLY, Cells, Seen, lay_over, unknown
 from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import PLAIN
-from gcs_mosaic.render.seams import CLIPPED, FAR, KEPT, LOOK, NEAR, SHARPNESS, STEPS, THINGS, decide, look_for_seams
+from gcs_mosaic.render.seams import CLIPPED, FAR, KEPT, LOOK, NEAR, THINGS, decide, look_for_seams
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -25,7 +25,7 @@ def seen(
     planes = np.zeros((LOOK.stop, *SHAPE), np.uint8)
     for where, contrast in ((THINGS, thing), (NEAR, BEYOND * near), (FAR, BEYOND * max(near, far))):
         planes[where.start] = min(contrast, 255)
-    planes[SHARPNESS], planes[CLIPPED] = round(STEPS * log_detail), round(255 * clipped)
+    planes[CLIPPED] = round(255 * clipped)
     score = np.full(SHAPE, np.log(weight) + 3 * log_detail, np.float32)
     return Seen(np.full(SHAPE, WHOLLY, np.uint8), score, planes)
 

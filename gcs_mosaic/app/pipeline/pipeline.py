@@ -263,10 +263,9 @@ class Pipeline(Kept):
         return Done(name, state, reason, island, prepared.seconds | seconds, covered_by, on_map)
 
     def adjust(self) -> None:
-        """Adjust what has grown, after each frame that was painted first. Call `save` afterwards."""
+        """Adjust what has grown, after each frame that was painted first; never raises. Call `save` afterwards."""
         self._adjusted(self.mosaic.adjust)
-        with transaction(self):
-            self._paint_moved(None)
+        self._tried(self._follow_moved, "frames that have moved could not be noted")
 
     def repaint_some(self) -> bool:
         """Use spare time to repaint a moved frame; False if there is nothing to do. Call `save` afterwards."""
@@ -282,8 +281,7 @@ class Pipeline(Kept):
         """
         self.store.in_a_pause = True
         under_way = self._adjusted(self.mosaic.adjust_in_a_pause) or self._connected_some()
-        with transaction(self):
-            self._paint_moved(None)
+        self._follow_moved()
         return bool(under_way)
 
     def _connected_some(self) -> bool:
@@ -318,8 +316,7 @@ class Pipeline(Kept):
                 text = "there was no time to connect more parts of the map: stitch goes on with it"
                 self._say(Notice(source="adjustment", level="info", text=text))
                 break
-            with transaction(self):
-                self._paint_moved(None)
+            self._follow_moved()
             yield
         self._tried(self.mosaic.retry_waiting, "a frame that waits could not be tried again")
         self._adjusted(partial(self.mosaic.adjust, everything=True))
@@ -333,8 +330,7 @@ class Pipeline(Kept):
         """After `settle`, of several flights: link them wherever they overlap, and adjust again."""
         self._tried(self.mosaic.link_across, "frames of several flights could not be linked")
         self._adjusted(partial(self.mosaic.adjust, everything=True))
-        with transaction(self):
-            self._paint_moved(None)
+        self._follow_moved()
 
     def repaint_all(self) -> Iterator[None]:
         """Repaint everything at its final place and brightness, step by step; may be abandoned at any step when time is up."""
@@ -357,6 +353,11 @@ class Pipeline(Kept):
             self.store.settle(name, FrameState.PLACED, None)
         self._render_stage.follow(moved, prepared)
         return found
+
+    def _follow_moved(self) -> None:
+        """As `_paint_moved` between frames: all of it, or nothing."""
+        with transaction(self):
+            self._paint_moved(None)
 
     def _leave_out_previews(self) -> None:
         """Of shots whose whole picture has a place by now."""

@@ -40,6 +40,10 @@ def note_calls(monkeypatch: pytest.MonkeyPatch, of: object, name: str, calls: li
     monkeypatch.setattr(of, name, noted)
 
 
+def fail(*_: object) -> None:
+    raise ArithmeticError("no inverse")
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_tiles_are_written_before_the_adjustment_moves_what_they_show(
     first: bool, tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
@@ -70,9 +74,21 @@ def test_what_the_adjustment_moves_is_painted_anew_and_its_failure_said(
         assert moved != placed
         assert pipeline.has_repaints
 
-        def fail() -> None:
-            raise ArithmeticError("no inverse")
-
         monkeypatch.setattr(pipeline.mosaic, "adjust", fail)
         pipeline.adjust()
     assert ["the map could not be adjusted" in one.text for one in said] == [True]
+
+
+def test_what_moved_while_it_could_not_be_noted_is_noted_later(
+    tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = list[Notice]()
+    (tmp_path / "out").mkdir()
+    with closing(Pipeline(tmp_path / "out", CONFIG, said.append, paint_first=True)) as pipeline:
+        for frame in frames:
+            Driver(pipeline).process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
+        with monkeypatch.context() as patch:
+            patch.setattr(pipeline.store, "note_placed", fail)
+            pipeline.adjust()
+        assert ["could not be noted" in one.text for one in said] == [True]
+        assert {one.name for one in pipeline.mosaic.moved()} >= {frame.name for frame in frames[1:]}
