@@ -75,7 +75,8 @@ class PartKey(NamedTuple):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundPart:
     """`tiles`: WebP with alpha of those on which something is seen; `version`: counts up; `known`: in how many of the `cells` of
-    ground that it lies on the height was found; `lost`: frames whose originals cannot be read; `trouble`: why there are none."""
+    ground that it lies on the height was found; `lost`: frames whose originals cannot be read; `trouble`: why there are none, and
+    whether that `passes`, so that it is tried again."""
 
     version: int
     revision: int
@@ -86,6 +87,7 @@ class GroundPart:
     cells: int = 0
     lost: int = 0
     trouble: str = ""
+    passes: bool = False
     made: float = field(default_factory=time.monotonic)
 
     @property
@@ -125,7 +127,7 @@ class GroundTiles:
         table = self._view.table()
         with self._lock:
             found = [(key, self._parts.get(key)) for key in keys]
-        return [(key, part, part is None or part.records != _records(table, key)) for key, part in found]
+        return [(key, part, part is None or part.passes or part.records != _records(table, key)) for key, part in found]
 
     def tile(self, island: int, tile: Tile, height: float | None) -> bytes | None:
         """As it was made last; None for nothing, or not yet."""
@@ -148,7 +150,7 @@ class GroundTiles:
             self._keep(key, done.value)
         except UsageError as error:  # the ledger is written anew, or gone
             self._work = None
-            self._keep(key, self._nothing(key, str(error)))
+            self._keep(key, replace(self._nothing(key, str(error)), passes=True))
         except Exception:
             self._work = None  # and not tried again before something has changed there
             self._keep(key, self._nothing(key, FAILED))
@@ -179,9 +181,10 @@ class GroundTiles:
         return None
 
     def _is_old(self, table: FrameTable, key: PartKey, part: GroundPart) -> bool:
-        """Whether frames lie otherwise than they did, or are painted in another light; else it is as new as the map."""
-        if part.revision == table.revision:
-            return False
+        """Whether frames lie otherwise than they did, or are painted in another light, or what stood against it may have passed;
+        else it is as new as the map."""
+        if part.passes or part.revision == table.revision:
+            return part.passes
         records = _records(table, key)
         if part.records != records or part.shows != self._shows(records):
             return True

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from gcs_mosaic.errors import UsageError
 from gcs_mosaic.integral import ground_tiles
 from gcs_mosaic.integral.forms import mean
 from gcs_mosaic.integral.ground_lens import ground_lens
@@ -21,6 +22,7 @@ from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, table_of
 from tests.ended_flights import ended_flight, photographed
+from tests.sure import sure
 
 pytestmark = pytest.mark.long
 LEVEL = 16
@@ -208,6 +210,26 @@ def test_a_trouble_is_said_once_and_the_next_part_is_made(flown: Path, monkeypat
             made(tiles, keys)
     assert [one.trouble for one in made(tiles, keys)] == [ground_tiles.FAILED]
     assert not tiles.step()
+
+
+def test_what_a_ledger_that_is_away_kept_from_being_made_is_made_once_it_is_back(
+    flown: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ground_tiles, "REST_S", 0.0)
+    view = FlightView(flown)
+    tiles, keys = GroundTiles(view), keys_of(view, 0.0)[:1]
+
+    def away(_: int) -> None:
+        raise UsageError("The ledger is away.")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(view, "painted", away)
+        tiles.want(keys)
+        assert tiles.step()
+        assert tiles.step()
+        ((_, part, waits),) = tiles.parts(keys)
+        assert (sure(part).trouble, waits) == ("The ledger is away.", True)
+    assert [one.trouble for one in made(tiles, keys)] == [""]
 
 
 def test_cells_stay_while_an_island_grows(flown: Path) -> None:
