@@ -91,7 +91,7 @@ class Page:
         except Error as error:
             raise RuntimeError(str(error)) from error
 
-    def wait_for(self, expression: str, timeout_s: float = 10.0) -> None:
+    def wait_for(self, expression: str, timeout_s: float = 30.0) -> None:
         """Until the expression is true; on a page that goes elsewhere meanwhile, of the one it goes to."""
         end = time.monotonic() + timeout_s
         while not self._is_true(expression):
