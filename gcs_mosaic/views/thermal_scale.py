@@ -8,6 +8,7 @@ Colours of a palette are each frame's own and have no scale: that is said instea
 from __future__ import annotations
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.temperature import CountUnit, likely_unit, units_told
+from gcs_mosaic.frames.temperature import CountUnit, Unit, likely_unit, units_told
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.light_field import nodes
 from gcs_mosaic.render.render_list import RenderItem, log_tones
@@ -65,7 +66,7 @@ class RangeOfCounts:
 
     display: Display
     shown: Sequence[RenderItem]
-    unit: CountUnit | None
+    unit: Unit | None
     is_whole: bool = True  # all originals could be asked for their unit
 
     @property
@@ -155,7 +156,7 @@ class ThermalScales:
             raise _NotNow
         return painted.display.fits(image) and is_false_colour(painted.display.levels(image))
 
-    def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[CountUnit, ...]:
+    def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[Unit, ...]:
         """What an original says. Raises _NotNow if it is not there."""
         path = place_of(self._view.root, original) if original is not None else None
         if path is None:
@@ -168,25 +169,28 @@ class ThermalScales:
 
 
 def common_unit(view: FlightView, islands: Sequence[int]) -> CountUnit | None:
-    """What the counts of some islands are, if all say the same. Raises UsageError."""
+    """What the counts of some islands are, if all say the same and it is one that files can bear. Raises UsageError."""
     scales = ThermalScales(view)
     ranges = [scales.counts_of(island) for island in islands]
     units = {None if one is None else one.unit for one in ranges}
-    return units.pop() if len(units) == 1 else None
+    unit = units.pop() if len(units) == 1 else None
+    return unit if isinstance(unit, CountUnit) else None
 
 
 def scale_of(found: RangeOfCounts) -> ThermalScale:
-    """In degrees where the camera tells them, else in counts."""
-    unit = found.unit or CountUnit(1.0, 0.0)
+    """In degrees where the camera tells them for all that is shown, else in counts."""
     levels = np.linspace(0, 255, TICKS)
     greys = np.rint(np.repeat(levels[:, None], 3, axis=1)).astype(np.uint8)[:, None]
     colours = [f"#{red:02x}{green:02x}{blue:02x}" for ((blue, green, red),) in found.display.lightened(greys).tolist()]
-    values = [round(unit.celsius(count), 2) for count in found.counts(levels).tolist()]
-    beside = [_beside(found.counts(levels), one) for one in found.shown]
-    within = round(unit.per_count * float(np.quantile(beside, USUAL)), 2)
-    if found.unit is None:
-        return ThermalScale("counts", "counts", values, colours, within)
-    return ThermalScale("temperature", "°C", values, colours, within)
+    counts = found.counts(levels)
+    has_degrees = found.unit is not None and all(math.isfinite(found.unit.celsius(one)) for one in counts.tolist())
+    unit = found.unit if found.unit is not None and has_degrees else CountUnit(1.0, 0.0)
+    values = [round(unit.celsius(count), 2) for count in counts.tolist()]
+    steps = np.array([unit.step(count) for count in counts.tolist()])
+    beside = [_beside(counts, one) * steps for one in found.shown]
+    within = round(float(np.quantile(beside, USUAL)), 2)
+    kind: Kind = "temperature" if has_degrees else "counts"
+    return ThermalScale(kind, "°C" if has_degrees else "counts", values, colours, within)
 
 
 def _tried(count: int) -> list[int]:
