@@ -12,8 +12,8 @@ from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame
 
-GIVE_BACK_EACH = 8  # frames: less than a hundredth of the time
-GIVE_BACK_STEPS = 16  # of repainting, of a frame each
+GIVE_BACK_EACH = 4  # frames: less than a hundredth of the time
+GIVE_BACK_STEPS = 4  # of repainting, of a frame each
 
 
 class Driver:
