@@ -61,7 +61,7 @@ def survey(
 def levels(counts: Counts) -> Colours:
     """Grey levels over a frame's own range, but for a hundredth at either end."""
     low, high = np.quantile(counts, [0.01, 0.99])
-    return np.clip((counts - low) / (high - low) * 255, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip((counts - low) / (high - low) * 255, 0, 255), np.uint8)
 
 
 def coloured(palette: Colours, *, legend: bool = True) -> Callable[[Counts], Colours]:
