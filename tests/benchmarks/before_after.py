@@ -3,8 +3,8 @@
     python -m tests.benchmarks.before_after REVISION REVISION [NAME|DIR ...] [--to .readme] [--frames FIRST:END] [--work DIR]
 
 NAME: a folder of data/ beside the project; DIR: any folder of frames. Both revisions are taken out of this repository and stitch
-the same frames, large photographs at a quarter of their size. The place is not chosen by hand: of all that both maps cover it is
-the one in which their pixels differ most. `--work` keeps the maps there, and takes those that are there already.
+the same frames, photographs of more than 2 MB at a quarter of their size. The place is not chosen by hand: of all that both maps
+cover it is the one in which their pixels differ most. `--work` keeps the maps there, and takes those that are there already.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def part_of(folder: Path, frames: str, work: Path) -> Path:
 
 
 def scale_of(folder: Path) -> str:
-    """A quarter for large photographs."""
+    """A quarter for photographs of many bytes."""
     return "0.25" if max(path.stat().st_size for path in folder.iterdir()) > LARGE else "1"
 
 
