@@ -209,6 +209,7 @@ class _Daemon:
         for frame in again:
             self._came[frame.name] = time.monotonic()
             self._preparation.append(replace(frame, received=time.monotonic()))
+        self._unsettled = True
         self._pipeline.checkpoint(at_once=True)  # with this run's clock
         placed = store.accounts().frames.placed
         text = f"{placed} frames of it are on the map, {len(again)} are still to be placed"
@@ -492,18 +493,22 @@ class _Daemon:
         try:
             for _ in self._pipeline.settle(self._time_to_connect()):
                 self._report()
-            if self._may_go_on():
-                self._repaint_all()
+            self._repaint_all()
         except Exception as error:  # close the accounts anyway
             logger.exception("the final painting has failed")
             text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
             self.say(Notice(source="daemon", level="error", text=text))
 
     def _repaint_all(self) -> None:
-        for _ in self._driver.repaint_all():
+        """As far as there is time."""
+        steps = self._driver.repaint_all()
+        while self._may_go_on():
+            if next(steps, False) is False:
+                return
             self._report()
-            if not self._may_go_on():
-                break
+        out = self._pipeline.store.out
+        text = f"parts of the map stay as in flight, there was no time to paint them: gcs-mosaic --resume --out {out} does it"
+        self.say(Notice(source="daemon", level="warning", text=text))
 
     def _time_to_connect(self) -> Callable[[], bool]:
         """Whether there is time left to connect islands: a share of the remaining time, none when hurried."""
