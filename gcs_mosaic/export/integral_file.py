@@ -172,7 +172,8 @@ def _hints(
     unit_m = None if flying_m is None else flying_m / lens.flying_height
     reach = UNKNOWN_REACH if focus is not None and not focus.known else 1
     every = [one for height in heights for one in found_in(lens, height, wish.opened, wish.hints, unit_m, reach)]
-    for one in over_heights(every, HINT_REACH * lens.window.cell)[: wish.hints]:
+    aside = lens.aperture(heights[0], wish.opened).width / 2
+    for one in over_heights(every, HINT_REACH * lens.window.cell, aside)[: wish.hints]:
         yield (
             f"hint at {one.x:.0f},{one.y:.0f}, {one.score:.1f} deviations, {_height_words(one.height, flying_m)} "
             "the map's ground"

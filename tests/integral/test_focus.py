@@ -73,6 +73,19 @@ def test_beneath_clumps_the_ground_is_the_lowest_height_of_agreement(cover: floa
     assert found.height == pytest.approx(-0.1, abs=0.015)
 
 
+def test_ground_between_crowns_is_found_though_all_of_them_agree_better() -> None:
+    """A track and glades, a seventh of the window, beneath opaque crowns that begin at the map's ground and rise to 8 %."""
+    stand = cv2.GaussianBlur(np.random.default_rng(7).standard_normal((512, 512)).astype(np.float32), (0, 0), 12)
+    heights, found = (0.0, 0.02, 0.04, 0.06, 0.08), []
+    for number, pose in enumerate(POSES):
+        image = seen(pose, texture(1), -0.11)
+        for layer, height in enumerate(heights):
+            hides = seen(pose, stand, height) > np.quantile(stand, 0.2 + 0.15 * layer)
+            image = np.where(hides, seen(pose, texture(50 + layer), height), image)
+        found.append(GroundLook(str(number), pose, CAMERA, 100 + 10 * image[: CAMERA.height, : CAMERA.width, None]))
+    assert focus_of(found).height == pytest.approx(-0.11, abs=0.03)
+
+
 @pytest.mark.long
 def test_crowns_of_many_heights_are_no_ground() -> None:
     """Domes that rise from 5 to 25 %; what is dark between them shows each look something else, and nothing of the ground. The
