@@ -13,6 +13,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from .canopy import CLUMP_TEXELS, HALVINGS, SIDE, TEXEL, Canopy
 from .ground.noise import fractal
@@ -55,11 +56,11 @@ class Conifers(Canopy):
         tops = self.highest * rng.uniform(*TALL, len(places))
         return np.column_stack([places, tops, rng.uniform(0.7, 1.2, len(places))]).astype(np.float32)
 
-    def _crowns(self, trees: Field, height: float, radius: float) -> Field:
+    def _crowns(self, trees: Field, height: float, radius: float) -> NDArray[np.bool_]:
         """(SIDE, SIDE) where crowns are at a height, each a cone from its top to the lowest branches."""
         found = np.zeros((SIDE, SIDE), np.uint8)
         for x, y, top, wider in trees.tolist():
             across = wider * radius * (top - height) / (self.highest - self.lowest) / TEXEL
             if across >= 1:
                 cv2.circle(found, (round(x), round(y)), round(across), 1, cv2.FILLED)
-        return found > 0
+        return np.asarray(found > 0)

@@ -29,6 +29,9 @@ BROAD = 11  # cells; what is broader is in focus over too many heights to tell o
 MOST_HEIGHTS = 108  # one for each 1.5 % of the way from the camera
 # Agreement by chance: of some thousand pixels the ratio is 1 within 0.05; 0.25 is far beyond, also where neighbours are alike.
 LEAST_AGREEMENT = 1.25
+# Of the deviation of all heights, most of which show unrelated things: crowns that stand in rows, or as far apart as the looks,
+# agree a little at wrong heights, by chance.
+LEAST_OVER_RIPPLES = 6.0
 # A peak is one if between it and each higher one the looks agree so much less: other ratios are ripples of the same peak.
 LEAST_DIP = 0.93
 # Beside the height of best agreement; beneath a layer that hides 80 % it is 2 %.
@@ -153,7 +156,8 @@ def _peaks(curve: Array, broadest: float) -> list[int]:
     """Those that stand out from what is between them and any higher one, the lowest first, if they are no chance and not broader
     than so many samples; none if the height of best agreement is: then it is of crowns."""
     best = int(curve.argmax())
-    least = max(LEAST_AGREEMENT, 1 + LEAST_SHARE * (float(curve[best]) - 1))
+    ripples = 1.4826 * float(np.median(np.abs(curve - np.median(curve))))
+    least = max(LEAST_AGREEMENT, 1 + LEAST_SHARE * (float(curve[best]) - 1), 1 + LEAST_OVER_RIPPLES * ripples)
     if _breadth(curve, best) > max(broadest, LEAST_BREADTH):
         return []
     found = list[int]()
