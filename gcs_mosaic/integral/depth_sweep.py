@@ -25,6 +25,7 @@ LEAST_TOLD = 0.05  # of all patches, that agree beyond chance at some height
 LOWEST = 0.005  # of the patches may lie deeper: a few cells are wrong
 LEAST_GROUND = 0.015  # of the patches lie at one height where the ground is seen: some five beside each other
 DEEPER = 2  # samples of height by which the ground is at most above the deepest patches
+MOST = 0.6  # of all patches lie at open ground; at the lowest branches of simulated conifers 0.43 to 0.55 did
 DIP = 0.5  # of as many patches as at the ground, between it and what stands over it, where it is told from that
 
 
@@ -62,15 +63,16 @@ def lowest_surface(sweep: list[Agreeing]) -> LowestSurface | None:
     deepest = int(np.searchsorted(np.cumsum(counts), LOWEST * total, side="right"))
     about = np.convolve(counts, np.ones(3), "same")
     mode = deepest + int(about[deepest : deepest + DEEPER + 1].argmax())
-    is_plane = float(about[mode]) >= LEAST_GROUND * total and _is_apart(about, mode)
+    is_plane = float(about[mode]) >= LEAST_GROUND * total and _is_apart(about, mode, total)
     return LowestSurface(mode if is_plane else deepest, is_plane)
 
 
-def _is_apart(about: Array, mode: int) -> bool:
-    """Whether fewer lie above a mode before there are more again, if there are."""
+def _is_apart(about: Array, mode: int, total: int) -> bool:
+    """Whether fewer lie above a mode before there are more again; if there never are more, whether most of all lie there: of a
+    closed wood most is seen of its lowest branches, and ever less above them."""
     more = np.flatnonzero(about[mode + 1 :] > about[mode])
     if not more.size:
-        return True
+        return float(about[mode]) >= MOST * total
     between = about[mode + 1 : mode + 1 + int(more[0])]
     return float(between.min(initial=np.inf)) < DIP * float(about[mode])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -22,6 +22,7 @@ from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
+from gcs_mosaic.store.records import FrameRecord
 from gcs_mosaic.views.decoding import original_pixels
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
 from gcs_mosaic.views.pictures import REDUCTIONS
@@ -35,6 +36,7 @@ RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 
 Some = TypeVar("Some")
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
+ReadOriginal = Callable[[FlightView, FrameRecord, int], Bands | Unreadable]
 Heights = tuple[float, float]  # the lowest and the highest, shares of the flying height
 
 
@@ -88,7 +90,12 @@ def _sees(painted: RenderItem, window: GroundWindow) -> bool:
 
 
 def read_look(
-    view: FlightView, number: int, painted: RenderItem, window: GroundWindow, within: Heights = (LOWEST, HIGHEST)
+    view: FlightView,
+    number: int,
+    painted: RenderItem,
+    window: GroundWindow,
+    within: Heights = (LOWEST, HIGHEST),
+    read: ReadOriginal = original_pixels,
 ) -> GroundLook | None:
     """What a frame may show of a window in a focus within some heights. None where the original cannot be read, or is of
     another kind than what was painted."""
@@ -97,7 +104,7 @@ def read_look(
         return None
     scale = record.width / painted.camera.width
     reduction = _reduction(painted, window, scale)
-    image = original_pixels(view, record, reduction)
+    image = read(view, record, reduction)
     if isinstance(image, Unreadable) or not painted.display.fits(image):
         return None
     cut = _cut(painted, image, window, reduction / scale, within)

@@ -86,7 +86,7 @@ def _lowest(curve: Array, broadest: float, surface: LowestSurface | None) -> tup
         agreeing_at = np.flatnonzero(curve >= AGREES)
         return (int(agreeing_at[0]) if agreeing_at.size else 0, False) if peak is None else (peak, True)
     if peak is not None and peak <= surface.at + DEEPER:
-        return peak, True
+        return peak, surface.is_plane or peak < int(curve.argmax())  # the best one may be of crowns
     return surface.at, surface.is_plane
 
 

@@ -35,7 +35,8 @@ APART = 10  # two peaks nearer than that are one thing
 
 NEAR = 13  # of warm things: what is around them, in pixels of which a person is some PERSON_PX long
 PERSON_M, PERSON_PX = 1.7, 8.0
-UNKNOWN_REACH = 4  # focuses searched below and above a height that is a guess
+# Focuses searched below and above a height: where that is a guess it is of the lowest leaves, and the ground is below.
+KNOWN_REACH, UNKNOWN_REACH = (1, 1), (8, 2)
 # How often the pixels are halved, where nobody knows how large a person is: 6 to 48 px. Each size more lets chance in, too: in
 # simulated woods that costs some people of a hundred (`tests.benchmarks.canopy`).
 ANY_SIZE = (0, 1, 2)
@@ -116,15 +117,20 @@ def _likelihoods() -> Callable[[FloatImage], FloatImage]:
 
 
 def found_in(
-    lens: GroundLens, height: float, opened: float, most: int, unit_m: float | None = None, reach: int = 1
+    lens: GroundLens,
+    height: float,
+    opened: float,
+    most: int,
+    unit_m: float | None = None,
+    reach: tuple[int, int] = KNOWN_REACH,
 ) -> list[HotPlace]:
-    """What stands out most in a lens, at a height and `reach` focuses below and above it: one of each thing. `unit_m`: metres of
-    a canvas unit, if that is known."""
+    """What stands out most in a lens, at a height and so many focuses (`reach`) below and above it: one of each thing. `unit_m`:
+    metres of a canvas unit, if that is known."""
     aperture = lens.aperture(height, opened)
     depth = min(max(aperture.depth, LEAST_DEPTH), MOST_DEPTH)
     sizes = person_size(None if unit_m is None else unit_m * lens.window.cell)
     found = list[HotPlace]()
-    for share in (height + step * depth for step in range(-reach, reach + 1)):
+    for share in (height + step * depth for step in range(-reach[0], reach[1] + 1)):
         if LOWEST <= share <= HIGHEST:
             found += peaks(oddities(lens.stack(share, opened), sizes), lens.window, share, most)
     return over_heights(found, APART * lens.window.cell, aperture.width / 2)[:most]

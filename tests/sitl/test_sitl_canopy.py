@@ -29,7 +29,7 @@ def test_conifers_hide_as_much_as_was_asked_for_and_have_surfaces(hidden: float)
     shares = [trees.hides(replace(ABOVE, x=x, y=y), RAYS).mean() for x in (-60.0, 0.0, 60.0) for y in (-60.0, 60.0)]
     assert np.mean(shares) == pytest.approx(hidden, abs=0.07)
     covers = np.asarray(np.stack([one for _, one in trees.levels]) > 0)
-    is_leaf, level = covers.any(axis=0), covers.argmax(axis=0)
+    is_leaf, level = np.asarray(covers.any(axis=0)), np.asarray(covers.argmax(axis=0))
     both = is_leaf[:, :-1] & is_leaf[:, 1:]
     assert np.median(np.abs(np.diff(level, axis=1))[both]) <= 1  # metres between texels beside each other
 
