@@ -27,12 +27,13 @@ def chosen(looks: Sequence[RenderItem], window: GroundWindow) -> list[int]:
     along = (np.arange(PLACES) / (PLACES - 1) - 0.5) * window.side
     x, y = np.meshgrid(window.x + along, window.y + along)
     places = np.column_stack([x.ravel(), y.ravel()])
+    sees = [_sees(one, places).reshape(PLACES, PLACES) for one in looks]
+    wanted = np.minimum(np.sum(sees, axis=0), MOST_LOOKS)
     counts = np.zeros((PLACES, PLACES), np.intp)
     found = []
     for index in _spread_out(np.array([[one.pose.x, one.pose.y] for one in looks]), np.array([window.x, window.y])):
-        sees = _sees(looks[index], places).reshape(PLACES, PLACES)
-        if not sees.any() or (counts[_and_beside(sees)] < MOST_LOOKS).any():
-            counts += sees
+        if not sees[index].any() or (counts < wanted)[_and_beside(sees[index])].any():
+            counts += sees[index]
             found.append(index)
     return sorted(found)
 

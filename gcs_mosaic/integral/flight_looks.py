@@ -95,16 +95,16 @@ def read_look(
     painted: RenderItem,
     window: GroundWindow,
     within: Heights = (LOWEST, HIGHEST),
-    read: ReadOriginal = original_pixels,
+    read: ReadOriginal | None = None,
 ) -> GroundLook | None:
     """What a frame may show of a window in a focus within some heights. None where the original cannot be read, or is of
-    another kind than what was painted."""
+    another kind than what was painted. `read`: instead of `original_pixels`."""
     record = view.frame(number)
     if record is None or not record.width:
         return None
     scale = record.width / painted.camera.width
     reduction = _reduction(painted, window, scale)
-    image = read(view, record, reduction)
+    image = (read or original_pixels)(view, record, reduction)
     if isinstance(image, Unreadable) or not painted.display.fits(image):
         return None
     cut = _cut(painted, image, window, reduction / scale, within)

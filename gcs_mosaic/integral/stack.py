@@ -10,7 +10,7 @@ import numpy as np
 
 from gcs_mosaic.integral.focal_plane import pixels_at
 from gcs_mosaic.render.dense_places import STEP, between_steps, sampled
-from gcs_mosaic.stitch.arrays import FloatImage, Lattice, Mask, PointsNx2, Vector
+from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageGrey, Lattice, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
@@ -124,24 +124,24 @@ def laid_part(look: GroundLook, window: GroundWindow, height: float | Vector) ->
     return LaidPart(where, np.asarray(sampled(look.image, at), np.float32), seen)
 
 
-def _blocks_seen(look: GroundLook, exact: Lattice) -> tuple[tuple[int, int], tuple[int, int]] | None:
+def _blocks_seen(look: GroundLook, exact: Array) -> tuple[tuple[int, int], tuple[int, int]] | None:
     """First and last but one rows and columns of the blocks between pixels of the look's image (down, across, 2) that it may
     see, one more on each side; None without any. Pixels are NaN where the lens cannot see them."""
     height, width = look.image.shape[:2]
     with np.errstate(invalid="ignore"):
         low = _of_blocks(np.minimum, exact) <= [width, height]
         high = _of_blocks(np.maximum, exact) >= -1
-    inside = (low & high).all(axis=2)
+    inside: Mask = np.asarray((low & high).all(axis=2))
     if not inside.any():
         return None
-    found = [np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0)]
+    found = [np.flatnonzero(np.any(inside, axis=axis)) for axis in (1, 0)]
     ends = [
         (max(int(one[0]) - 1, 0), min(int(one[-1]) + 2, size)) for one, size in zip(found, inside.shape, strict=True)
     ]
     return ends[0], ends[1]
 
 
-def _of_blocks(extreme: np.ufunc, exact: Lattice) -> Lattice:
+def _of_blocks(extreme: np.ufunc, exact: Array) -> Array:
     """The extreme of the four corners of each block; NaN if one is."""
     return np.asarray(extreme.reduce([exact[:-1, :-1], exact[1:, :-1], exact[:-1, 1:], exact[1:, 1:]]))
 
@@ -152,21 +152,19 @@ def _seen(look: GroundLook, at: Lattice) -> Mask:
     corner, (height, width) = np.array([look.left, look.top]), look.image.shape[:2]
     least = np.maximum((np.array(low) + 0.5 - corner) / look.reduction - 0.5, -0.5)
     most = np.minimum((np.array(high) + 0.5 - corner) / look.reduction - 0.5, np.array([width, height]) - 0.5)
-    seen = cv2.inRange(at, tuple(least.tolist()), tuple(most.tolist()))
+    seen = np.asarray(cv2.inRange(at, tuple(least.tolist()), tuple(most.tolist())) > 0)
     if look.still is not None and look.still.blocks.any():
-        open_to_sky = _still(look)
         # Nowhere is NaN; beyond the edges `seen` has told already.
-        seen &= cv2.remap(open_to_sky, at, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
-    return np.asarray(seen > 0)
+        seen &= sampled(_uncovered(look.still, look)[..., None], at)[..., 0] > 127
+    return seen
 
 
-def _still(look: GroundLook) -> Mask:
+def _uncovered(still: StillMask, look: GroundLook) -> ImageGrey:
     """255 at pixels of the look's image (h, w) that no overlay covers."""
-    assert look.still is not None, "the caller asks"
     height, width = look.image.shape[:2]
     x, y = (
         (np.arange(size) + 0.5) * look.reduction + edge - 0.5 for size, edge in ((width, look.left), (height, look.top))
     )
     pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    covered = look.still.covers(pixels, look.camera.width, look.camera.height)
+    covered = still.covers(pixels, look.camera.width, look.camera.height)
     return np.where(covered, 0, 255).astype(np.uint8).reshape(height, width)
