@@ -283,8 +283,10 @@ class _Sum:
 
 def _shown(look: GroundLook, painted: RenderItem) -> GroundLook:
     """With the bands that the map shows, on the ground without its crowns."""
-    bands = look.image if look.image.shape[2] == 1 else look.image[..., list(painted.display.shown)]
-    return replace(look, image=np.ascontiguousarray(bands), relief=painted.relief)
+    shown = list(painted.display.shown)
+    if look.image.shape[2] == 1 or (shown == [0, 1, 2] and look.image.shape[2] == 3):
+        return replace(look, relief=painted.relief)
+    return replace(look, image=np.ascontiguousarray(look.image[..., shown]), relief=painted.relief)
 
 
 def _records(table: FrameTable, key: PartKey) -> tuple[PositionRecord, ...]:

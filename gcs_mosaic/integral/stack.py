@@ -161,10 +161,11 @@ def _seen(look: GroundLook, at: Lattice) -> Mask:
 
 def _uncovered(still: StillMask, look: GroundLook) -> ImageGrey:
     """255 at pixels of the look's image (h, w) that no overlay covers."""
-    height, width = look.image.shape[:2]
-    x, y = (
-        (np.arange(size) + 0.5) * look.reduction + edge - 0.5 for size, edge in ((width, look.left), (height, look.top))
+    columns, rows = (
+        np.clip(((np.arange(size) + 0.5) * look.reduction + edge) * (blocks / whole), 0, blocks - 1).astype(np.intp)
+        for size, edge, blocks, whole in (
+            (look.image.shape[1], look.left, still.columns, look.camera.width),
+            (look.image.shape[0], look.top, still.rows, look.camera.height),
+        )
     )
-    pixels = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    covered = still.covers(pixels, look.camera.width, look.camera.height)
-    return np.where(covered, 0, 255).astype(np.uint8).reshape(height, width)
+    return np.where(still.blocks[np.ix_(rows, columns)], 0, 255).astype(np.uint8)
