@@ -91,8 +91,12 @@ def laid(look: GroundLook, window: GroundWindow, height: float | Vector) -> Floa
     part = laid_part(look, window, height)
     if part is None:
         return None
+    if not part.seen.all():
+        part.values[~part.seen] = np.nan
+    if part.seen.shape == (window.cells, window.cells):
+        return part.values
     found = np.full((window.cells, window.cells, look.image.shape[2]), np.nan, np.float32)
-    found[part.where] = np.where(part.seen[..., None], part.values, np.float32(np.nan))
+    found[part.where] = part.values
     return found
 
 
