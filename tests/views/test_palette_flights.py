@@ -89,7 +89,7 @@ def test_where_another_frame_sees_the_ground_no_legend_is_painted(out: Path, tmp
             there = shown[y + BAR[0].start : y + BAR[0].stop, x + BAR[1].start : x + BAR[1].stop].astype(float)
             alike.append(float((np.abs(there - bar).max(axis=2) < 40).mean()))
     assert len(alike) == 2 * (EACH - 2)
-    assert is_false_colour(np.asarray(shown[20:220, 20:500]))  # it is the map that was looked at
+    assert is_false_colour(np.asarray(shown[20:220, 20:500], np.uint8))  # it is the map that was looked at
     # Ground of chance has a bar's colour in a tenth of places; a bar that is painted in nine.
     assert max(alike) < 0.4
     assert float(np.mean(alike)) < 0.25
