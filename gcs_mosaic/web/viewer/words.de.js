@@ -42,6 +42,7 @@ export default {
   "All of this view is laid together. What fewer than two frames saw is the dimmed map.": "Diese Ansicht ist ganz übereinandergelegt. Was weniger als zwei Bilder sahen, ist die gedimmte Karte.",
   "All {all} frames": "Alle {all} Bilder",
   "Anchor": "Anker",
+  "Answers late": "Antworten spät",
   "Aperture": "Blende",
   "Area": "Fläche",
   "Around the flight it is empty there; web: {underlay: FILE} in the settings puts a map of yours under it.": "Rings um den Flug ist es dort leer; web: {underlay: FILE} in den Einstellungen legt eine eigene Karte darunter.",
