@@ -65,7 +65,7 @@ function showParts(mosaic, island, gaps) {
     : [frameCount(all)];
   if (gaps) texts.push(gaps === 1 ? t("1 gap") : t("{n} gaps", { n: gaps }));
   byId("parts").hidden = !all;
-  byId("parts").className = others > 0 ? "several" : "";
+  byId("parts").className = others > 0 ? "several" : gaps ? "gaps" : "";
   setText(byId("parts"), texts.join(", "));
 }
 
