@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from gcs_mosaic.views.tile_reader import filled
 from gcs_mosaic.web import documents, tiles
 from gcs_mosaic.web import live as live_module
 from tests.web.browser import CHROMIUM, Page
@@ -87,11 +88,10 @@ def test_the_state_does_not_wait_behind_tiles(
 ) -> None:
     """Nobody answers to any tile, of which many are in view: the state of the flight is asked for and told as ever."""
     go_on = threading.Event()
-    made = tiles.filled
 
     def held(*given: Any) -> Any:
         go_on.wait(60)
-        return made(*given)
+        return filled(*given)
 
     monkeypatch.setattr(tiles, "filled", held)
     try:
