@@ -24,7 +24,7 @@ from gcs_mosaic.integral.aperture import SyntheticAperture
 from gcs_mosaic.integral.focus import Focus
 from gcs_mosaic.integral.forms import FORMS
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
-from gcs_mosaic.integral.hot_places import UNKNOWN_REACH, found_in, over_heights
+from gcs_mosaic.integral.hot_places import KNOWN_REACH, UNKNOWN_REACH, found_in, over_heights
 from gcs_mosaic.integral.stack import GroundWindow
 from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
 from gcs_mosaic.stitch.arrays import FloatImage
@@ -170,9 +170,10 @@ def _hints(
     if not wish.hints:
         return
     unit_m = None if flying_m is None else flying_m / lens.flying_height
-    reach = UNKNOWN_REACH if focus is not None and not focus.known else 1
+    reach = UNKNOWN_REACH if focus is not None and not focus.known else KNOWN_REACH
     every = [one for height in heights for one in found_in(lens, height, wish.opened, wish.hints, unit_m, reach)]
-    for one in over_heights(every, HINT_REACH * lens.window.cell)[: wish.hints]:
+    aside = lens.aperture(heights[0], wish.opened).width / 2
+    for one in over_heights(every, HINT_REACH * lens.window.cell, aside)[: wish.hints]:
         yield (
             f"hint at {one.x:.0f},{one.y:.0f}, {one.score:.1f} deviations, {_height_words(one.height, flying_m)} "
             "the map's ground"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -22,6 +22,7 @@ from gcs_mosaic.render.frame_warp import brightening_of
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.arrays import Bands, FloatImage, PointsNx2
 from gcs_mosaic.stitch.camera.geometry import ground_sampling_distance
+from gcs_mosaic.store.records import FrameRecord
 from gcs_mosaic.views.decoding import original_pixels
 from gcs_mosaic.views.flight_view import FlightView, pixels_of
 from gcs_mosaic.views.pictures import REDUCTIONS
@@ -31,10 +32,13 @@ from gcs_mosaic.views.pictures import REDUCTIONS
 # Above half of the way to the camera nothing is sought.
 LOWEST, HIGHEST = -1.5, 0.5
 MOST_LOOKS = 100  # in memory: 100 of 400 x 400 px in colour are 200 MB
+ENOUGH_PLACES = 33  # along a side: what lies between two of them is in the box of them, but for less than the RIM
+MOST_AT_ONCE = 4  # bands that OpenCV resizes together
 RIM = 2.0  # px of the original kept around what is cut out, for interpolation
 
 Some = TypeVar("Some")
 PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
+ReadOriginal = Callable[[FlightView, FrameRecord, int], Bands | Unreadable]
 Heights = tuple[float, float]  # the lowest and the highest, shares of the flying height
 
 
@@ -88,16 +92,21 @@ def _sees(painted: RenderItem, window: GroundWindow) -> bool:
 
 
 def read_look(
-    view: FlightView, number: int, painted: RenderItem, window: GroundWindow, within: Heights = (LOWEST, HIGHEST)
+    view: FlightView,
+    number: int,
+    painted: RenderItem,
+    window: GroundWindow,
+    within: Heights = (LOWEST, HIGHEST),
+    read: ReadOriginal | None = None,
 ) -> GroundLook | None:
     """What a frame may show of a window in a focus within some heights. None where the original cannot be read, or is of
-    another kind than what was painted."""
+    another kind than what was painted. `read`: instead of `original_pixels`."""
     record = view.frame(number)
     if record is None or not record.width:
         return None
     scale = record.width / painted.camera.width
     reduction = _reduction(painted, window, scale)
-    image = original_pixels(view, record, reduction)
+    image = (read or original_pixels)(view, record, reduction)
     if isinstance(image, Unreadable) or not painted.display.fits(image):
         return None
     cut = _cut(painted, image, window, reduction / scale, within)
@@ -138,11 +147,12 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     left, top, right, bottom = _box(painted, image, window, reduction, within)
     low, high = np.array([left, top]) * reduction, np.array([right, bottom]) * reduction
     levels = painted.display.levels(image[top:bottom, left:right]).astype(np.float32)
-    levels = levels * np.asarray(painted.gain, np.float32)
     bright = _brightening(painted, (left, top, right, bottom), reduction)
+    levels *= np.asarray(painted.gain, np.float32)
     if bright is not None:
-        levels = levels * bright
-    one_band = is_grey(painted.display.levels(sample_of(image)))  # of the whole: a window may show tarmac alone
+        levels *= bright
+    # Of the whole: a window may show tarmac alone. A quarter of the usual sample tells a share of a hundredth well enough.
+    one_band = is_grey(painted.display.levels(sample_of(image)[::2, ::2]))
     return GroundLook(
         name=painted.name,
         pose=painted.pose,
@@ -166,9 +176,10 @@ def _brightening(painted: RenderItem, box: PixelBox, reduction: float) -> FloatI
     found = brightening_of(painted, nodes)
     if found is None:
         return None
-    exact = found.astype(np.float64)
-    bands = [between_steps(exact[..., band], bottom - top, right - left) for band in range(exact.shape[2])]
-    return np.stack(bands, axis=-1)
+    size, bands = (bottom - top, right - left), found.shape[2]
+    if bands <= MOST_AT_ONCE:
+        return between_steps(found.astype(np.float64), *size).reshape(*size, bands)
+    return np.stack([between_steps(found[..., band].astype(np.float64), *size) for band in range(bands)], axis=-1)
 
 
 def _box(
@@ -176,7 +187,7 @@ def _box(
 ) -> PixelBox:
     """Columns and rows of the image that show the window at any of these heights."""
     above = camera_height(painted.pose, painted.camera)
-    places, _ = window.lattice()
+    places = _some_of(*window.lattice())
     seen = np.vstack([_pixels(painted, places, share * above) for share in (within[0], sum(within) / 2, within[1])])
     seen = seen[np.isfinite(seen).all(axis=1)]
     size = np.array([image.shape[1], image.shape[0]])
@@ -185,6 +196,12 @@ def _box(
     low = np.clip(np.floor(seen.min(axis=0) / reduction - RIM), 0, size - 1).astype(int)
     high = np.clip(np.ceil(seen.max(axis=0) / reduction + RIM), low + 1, size).astype(int)
     return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+
+
+def _some_of(places: PointsNx2, count: int) -> PointsNx2:
+    """Of places in a square of count x count those on its rim, and some within, for the box around all of them."""
+    along = np.unique(np.linspace(0, count - 1, min(count, ENOUGH_PLACES)).astype(np.intp))
+    return np.asarray(places.reshape(count, count, 2)[np.ix_(along, along)].reshape(-1, 2))
 
 
 def _pixels(painted: RenderItem, places: PointsNx2, height: float) -> PointsNx2:

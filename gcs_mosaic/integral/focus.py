@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.integral.aperture import SyntheticAperture
+from gcs_mosaic.integral.depth_sweep import DEEPER, Agreeing, LowestSurface, lowest_surface
 from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, spread
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow, LookStack, laid_together
 from gcs_mosaic.stitch.arrays import Array, FloatImage, Mask
@@ -28,6 +29,9 @@ BROAD = 11  # cells; what is broader is in focus over too many heights to tell o
 MOST_HEIGHTS = 108  # one for each 1.5 % of the way from the camera
 # Agreement by chance: of some thousand pixels the ratio is 1 within 0.05; 0.25 is far beyond, also where neighbours are alike.
 LEAST_AGREEMENT = 1.25
+# Of the deviation of all heights, most of which show unrelated things: crowns that stand in rows, or as far apart as the looks,
+# agree a little at wrong heights, by chance.
+LEAST_OVER_RIPPLES = 6.0
 # A peak is one if between it and each higher one the looks agree so much less: other ratios are ripples of the same peak.
 LEAST_DIP = 0.93
 # Beside the height of best agreement; beneath a layer that hides 80 % it is 2 %.
@@ -62,16 +66,28 @@ def ground_focus(
     heights = _heights(coarse, aperture)
     if len(some) < LEAST_LOOKS:
         return Focus(height=0.0, known=False, agreement=1.0, heights=heights, curve=np.ones(len(heights)))
-    curve = np.array([agreement(laid_together(some, coarse, share * flying_height)) for share in heights])
+    sweep = [agreeing(laid_together(some, coarse, share * flying_height)) for share in heights]
+    curve = np.array([ratio_of(one) for one in sweep])
     apart = math.log((1 - heights[0]) / (1 - heights[1]))
     broadest = MOST_BREADTH * coarse.cell / max(aperture.width, 1e-9) / apart
-    lowest = next(iter(_peaks(curve, broadest)), None)
-    if lowest is None:
-        agreeing = np.flatnonzero(curve >= AGREES)
-        height = float(heights[agreeing[0]]) if agreeing.size else 0.0
-        return Focus(height=height, known=False, agreement=float(curve.max()), heights=heights, curve=curve)
-    height = _between(heights, curve, lowest)
-    return Focus(height=height, known=True, agreement=float(curve[lowest]), heights=heights, curve=curve)
+    at, is_known = _lowest(curve, broadest, lowest_surface(sweep) if curve.max() >= LEAST_AGREEMENT else None)
+    height = _between(heights, curve, at) if is_known else float(heights[at])
+    if not is_known and curve[at] < AGREES and float(curve.max()) < AGREES:
+        height = 0.0
+    told = float(curve[at]) if is_known else float(curve.max())
+    return Focus(height=height, known=is_known, agreement=told, heights=heights, curve=curve)
+
+
+def _lowest(curve: Array, broadest: float, surface: LowestSurface | None) -> tuple[int, bool]:
+    """Index of the ground's height, and whether it is known. All of the window together tells of ground that many small gaps
+    show; patches by themselves tell of ground between crowns, where together crowns outweigh it."""
+    peak = next(iter(_peaks(curve, broadest)), None)
+    if surface is None:
+        agreeing_at = np.flatnonzero(curve >= AGREES)
+        return (int(agreeing_at[0]) if agreeing_at.size else 0, False) if peak is None else (peak, True)
+    if peak is not None and peak <= surface.at + DEEPER:
+        return peak, surface.is_plane or peak < int(curve.argmax())  # the best one may be of crowns
+    return surface.at, surface.is_plane
 
 
 def _coarser(look: GroundLook, factor: float) -> GroundLook:
@@ -87,18 +103,32 @@ def _coarser(look: GroundLook, factor: float) -> GroundLook:
 
 def agreement(stack: LookStack) -> float:
     """F of the looks of a stack: 1 if they show unrelated things, more where they show the same; 1 of fewer than three."""
-    grey = np.stack([_details(one) for one in stack.values]) if len(stack.values) else np.empty((0, 1, 1), np.float32)
+    return ratio_of(agreeing(stack))
+
+
+def ratio_of(found: Agreeing) -> float:
+    """F of a whole window; 1 where too few looks see any of it."""
+    known = int((found.free > 0).sum())
+    if not known:
+        return 1.0
+    within = float(found.apart.sum() / found.free.sum())
+    return float(found.common.sum() / known) / max(within, 1e-9)
+
+
+def agreeing(stack: LookStack) -> Agreeing:
+    """The analysis of variance of looks, cell by cell."""
+    if not len(stack.values):
+        nothing = np.zeros(stack.values.shape[1:3], np.float32)
+        return Agreeing(nothing, nothing, nothing)
+    grey = np.stack([_details(one) for one in stack.values])
     seen = np.isfinite(grey)
     count = seen.sum(axis=0)
     known = count >= LEAST_LOOKS
-    if not known.any():
-        return 1.0
-    values = np.where(seen, grey, 0)[:, known]
-    seen, count = seen[:, known], count[known]
-    middle = values.sum(axis=0) / count
-    within = (np.where(seen, values - middle, 0) ** 2).sum() / (count - 1).sum()
-    between = float((count * middle**2).mean())
-    return between / max(float(within), 1e-9)
+    values = np.where(seen, grey, 0)
+    middle = values.sum(axis=0) / np.maximum(count, 1)
+    apart = (np.where(seen, values - middle, 0) ** 2).sum(axis=0)
+    of_cells = (count * middle**2, apart, count - 1)
+    return Agreeing(*(np.where(known, one, 0).astype(np.float32) for one in of_cells))
 
 
 def _details(look: FloatImage) -> FloatImage:
@@ -126,7 +156,8 @@ def _peaks(curve: Array, broadest: float) -> list[int]:
     """Those that stand out from what is between them and any higher one, the lowest first, if they are no chance and not broader
     than so many samples; none if the height of best agreement is: then it is of crowns."""
     best = int(curve.argmax())
-    least = max(LEAST_AGREEMENT, 1 + LEAST_SHARE * (float(curve[best]) - 1))
+    ripples = 1.4826 * float(np.median(np.abs(curve - np.median(curve))))
+    least = max(LEAST_AGREEMENT, 1 + LEAST_SHARE * (float(curve[best]) - 1), 1 + LEAST_OVER_RIPPLES * ripples)
     if _breadth(curve, best) > max(broadest, LEAST_BREADTH):
         return []
     found = list[int]()

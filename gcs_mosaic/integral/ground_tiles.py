@@ -20,11 +20,13 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.integral.flight_looks import Heights, read_look
+from gcs_mosaic.integral.chosen_looks import chosen
+from gcs_mosaic.integral.flight_looks import Heights, ReadOriginal, read_look
 from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
 from gcs_mosaic.integral.forms import LEAST_LOOKS
-from gcs_mosaic.integral.ground_surface import GroundHeights, GroundSurface, Slowly, sloped
-from gcs_mosaic.integral.stack import GroundLook, GroundWindow, laid
+from gcs_mosaic.integral.ground_surface import GroundHeights, GroundSurface, Slowly
+from gcs_mosaic.integral.kept_originals import KeptOriginals, KeptSlopes
+from gcs_mosaic.integral.stack import GroundLook, GroundWindow, laid_part
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, canvas_from_level
@@ -101,6 +103,8 @@ class GroundTiles:
     def __init__(self, view: FlightView) -> None:
         self._view = view
         self._surface = GroundSurface(view)
+        self._originals = KeptOriginals()
+        self._slopes = KeptSlopes()
         self._lock = threading.Lock()
         self._parts: OrderedDict[PartKey, GroundPart] = OrderedDict()  # asked for last last
         self._wanted: OrderedDict[PartKey, float] = (
@@ -161,6 +165,8 @@ class GroundTiles:
         """Nobody looks any more."""
         self._work = None
         self._surface.forget()
+        self._originals.forget()
+        self._slopes.forget()
 
     def _is_wanted(self, key: PartKey) -> bool:
         with self._lock:
@@ -219,11 +225,12 @@ class GroundTiles:
         if len(records := nothing.records) < LEAST_LOOKS:
             return nothing
         heights = yield from self._surface.over(key.island, key.box, key.height)
+        seen = [(one.number, found) for one in records if (found := self._view.painted(one.number)) is not None]
         picture = _Sum(key.window, heights)
         lost = 0
-        for one in records:
-            painted = self._view.painted(one.number)
-            lost += 0 if painted is None else int(not picture.add(self._view, one.number, sloped(painted)))
+        for index in chosen([painted for _, painted in seen], key.window):
+            number, painted = seen[index]
+            lost += int(not picture.add(self._view, number, self._slopes.of(number, painted), self._originals.read))
             yield
         tiles = picture.tiles(key)
         return replace(nothing, tiles=tiles, known=heights.known, cells=heights.cells, lost=lost)
@@ -239,22 +246,22 @@ class _Sum:
         self._count: Matrix = np.zeros((window.cells, window.cells), np.float32)
         self._display = Display()
 
-    def add(self, view: FlightView, number: int, painted: RenderItem) -> bool:
+    def add(self, view: FlightView, number: int, painted: RenderItem, read: ReadOriginal) -> bool:
         """Lay a frame on the ground; False if its original cannot be read."""
         pixels = pixels_at(painted.pose, painted.camera, painted.relief, self._window.lattice()[0], self._heights)
         if not ((pixels > 0) & (pixels < [painted.camera.width, painted.camera.height])).all(axis=1).any():
             return True  # beside it, so that nothing needs to be read
         above = camera_height(painted.pose, painted.camera)
         within: Heights = (float(self._heights.min()) / above, float(self._heights.max()) / above)
-        look = read_look(view, number, painted, self._window, within)
+        look = read_look(view, number, painted, self._window, within, read)
         if look is None:
             return False
-        values = laid(_shown(look, painted), self._window, self._heights)
-        if values is not None:
+        part = laid_part(_shown(look, painted), self._window, self._heights)
+        if part is not None:
             self._display = painted.display
-            self._count += np.isfinite(values[..., 0])
-            cv2.patchNaNs(values, 0.0)
-            self._total += values
+            self._count[part.where] += part.seen
+            part.values[~part.seen] = 0
+            self._total[part.where] += part.values
         return True
 
     def tiles(self, key: PartKey) -> dict[Tile, bytes]:
@@ -276,8 +283,10 @@ class _Sum:
 
 def _shown(look: GroundLook, painted: RenderItem) -> GroundLook:
     """With the bands that the map shows, on the ground without its crowns."""
-    bands = look.image if look.image.shape[2] == 1 else look.image[..., list(painted.display.shown)]
-    return replace(look, image=np.ascontiguousarray(bands), relief=painted.relief)
+    shown = list(painted.display.shown)
+    if look.image.shape[2] == 1 or (shown == [0, 1, 2] and look.image.shape[2] == 3):
+        return replace(look, relief=painted.relief)
+    return replace(look, image=np.ascontiguousarray(look.image[..., shown]), relief=painted.relief)
 
 
 def _records(table: FrameTable, key: PartKey) -> tuple[PositionRecord, ...]:

@@ -35,7 +35,8 @@ APART = 10  # two peaks nearer than that are one thing
 
 NEAR = 13  # of warm things: what is around them, in pixels of which a person is some PERSON_PX long
 PERSON_M, PERSON_PX = 1.7, 8.0
-UNKNOWN_REACH = 4  # focuses searched below and above a height that is a guess
+# Focuses searched below and above a height: where that is a guess it is of the lowest leaves, and the ground is below.
+KNOWN_REACH, UNKNOWN_REACH = (1, 1), (8, 2)
 # How often the pixels are halved, where nobody knows how large a person is: 6 to 48 px. Each size more lets chance in, too: in
 # simulated woods that costs some people of a hundred (`tests.benchmarks.canopy`).
 ANY_SIZE = (0, 1, 2)
@@ -116,17 +117,23 @@ def _likelihoods() -> Callable[[FloatImage], FloatImage]:
 
 
 def found_in(
-    lens: GroundLens, height: float, opened: float, most: int, unit_m: float | None = None, reach: int = 1
+    lens: GroundLens,
+    height: float,
+    opened: float,
+    most: int,
+    unit_m: float | None = None,
+    reach: tuple[int, int] = KNOWN_REACH,
 ) -> list[HotPlace]:
-    """What stands out most in a lens, at a height and `reach` focuses below and above it: one of each thing. `unit_m`: metres of
-    a canvas unit, if that is known."""
-    depth = min(max(lens.aperture(height, opened).depth, LEAST_DEPTH), MOST_DEPTH)
+    """What stands out most in a lens, at a height and so many focuses (`reach`) below and above it: one of each thing. `unit_m`:
+    metres of a canvas unit, if that is known."""
+    aperture = lens.aperture(height, opened)
+    depth = min(max(aperture.depth, LEAST_DEPTH), MOST_DEPTH)
     sizes = person_size(None if unit_m is None else unit_m * lens.window.cell)
     found = list[HotPlace]()
-    for share in (height + step * depth for step in range(-reach, reach + 1)):
+    for share in (height + step * depth for step in range(-reach[0], reach[1] + 1)):
         if LOWEST <= share <= HIGHEST:
             found += peaks(oddities(lens.stack(share, opened), sizes), lens.window, share, most)
-    return over_heights(found, APART * lens.window.cell)[:most]
+    return over_heights(found, APART * lens.window.cell, aperture.width / 2)[:most]
 
 
 def oddities(stack: LookStack, sizes: Sequence[int] = ANY_SIZE) -> FloatImage:
@@ -142,11 +149,14 @@ def peaks(odd: FloatImage, window: GroundWindow, height: float, most: int) -> li
     return [_hot(odd, window, height, int(rows[one]), int(columns[one])) for one in order]
 
 
-def over_heights(found: Iterable[HotPlace], reach: float) -> list[HotPlace]:
-    """One of each thing that stands out in several focuses, the oddest first; `reach`: canvas units between two that are one."""
+def over_heights(found: Iterable[HotPlace], reach: float, aside: float) -> list[HotPlace]:
+    """One of each thing that stands out in several focuses, the oddest first. `reach`: canvas units between two that are one;
+    `aside`: by how much more two are for a flying height between their focuses, as of looks from one side, at which a thing out
+    of focus lies aside of where it is."""
     kept: list[HotPlace] = []
     for one in sorted(found, key=lambda hot: -hot.score):
-        if all((one.x - other.x) ** 2 + (one.y - other.y) ** 2 > reach**2 for other in kept):
+        apart = ((math.hypot(one.x - other.x, one.y - other.y), abs(one.height - other.height)) for other in kept)
+        if all(away > reach + aside * between for away, between in apart):
             kept.append(one)
     return kept
 

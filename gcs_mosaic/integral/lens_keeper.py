@@ -13,7 +13,7 @@ from gcs_mosaic.integral.aperture import SyntheticAperture
 from gcs_mosaic.integral.focus import Focus
 from gcs_mosaic.integral.forms import FORMS
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
-from gcs_mosaic.integral.hot_places import UNKNOWN_REACH, HotPlace, found_in
+from gcs_mosaic.integral.hot_places import KNOWN_REACH, UNKNOWN_REACH, HotPlace, found_in
 from gcs_mosaic.stitch.arrays import AnyImage, FloatImage
 from gcs_mosaic.views.flight_view import FlightView
 
@@ -68,7 +68,7 @@ class LensKeeper:
         height = focus.height if wish.height is None else wish.height
         aperture = lens.aperture(height, wish.opened)
         values = FORMS[wish.form](lens.stack(height, wish.opened))
-        reach = 1 if focus.known or wish.height is not None else UNKNOWN_REACH
+        reach = KNOWN_REACH if focus.known or wish.height is not None else UNKNOWN_REACH
         hints = found_in(lens, height, wish.opened, wish.hints, wish.unit_m, reach) if wish.hints else ()
         return LensView(lens=lens, focus=focus, height=height, aperture=aperture, values=values, hints=hints)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from gcs_mosaic.integral.focal_plane import pixels_at
 from gcs_mosaic.render.dense_places import STEP, between_steps, sampled
-from gcs_mosaic.stitch.arrays import FloatImage, Lattice, Mask, PointsNx2, Vector
+from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageGrey, Lattice, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
@@ -88,33 +88,88 @@ def laid_together(looks: Sequence[GroundLook], window: GroundWindow, height: flo
 def laid(look: GroundLook, window: GroundWindow, height: float | Vector) -> FloatImage | None:
     """(cells, cells, bands) of one look, NaN where it sees nothing; None if it sees nothing at all. `height`: one for all, or
     (n,) of the lattice's places."""
-    at = _places(look, window, height)
-    seen = _seen(look, at)
-    if not seen.any():
+    part = laid_part(look, window, height)
+    if part is None:
         return None
-    values = np.asarray(sampled(look.image, at), np.float32)
-    if not seen.all():
-        values[~seen] = np.nan
-    return values
+    if not part.seen.all():
+        part.values[~part.seen] = np.nan
+    if part.seen.shape == (window.cells, window.cells):
+        return part.values
+    found = np.full((window.cells, window.cells, look.image.shape[2]), np.nan, np.float32)
+    found[part.where] = part.values
+    return found
 
 
-def _places(look: GroundLook, window: GroundWindow, height: float | Vector) -> Lattice:
-    """Pixels (cells, cells, 2) of the look's image at the window's pixels; NaN where its lens cannot see them."""
+@dataclass(frozen=True, slots=True, eq=False)
+class LaidPart:
+    """What a look shows of the rows and columns (`where`) of a window that it may see: `values` (h, w, bands), which count only
+    where it has `seen` something (h, w)."""
+
+    where: tuple[slice, slice]
+    values: FloatImage
+    seen: Mask
+
+
+def laid_part(look: GroundLook, window: GroundWindow, height: float | Vector) -> LaidPart | None:
+    """As `laid`, without what lies beside the look; None if it sees nothing at all."""
     places, count = window.lattice()
     pixels = pixels_at(look.pose, look.camera, look.relief, places, height)
     exact = ((pixels + 0.5 - [look.left, look.top]) / look.reduction - 0.5).reshape(count, count, 2)
-    return between_steps(exact, window.cells, window.cells)
+    blocks = _blocks_seen(look, exact)
+    if blocks is None:
+        return None
+    (top, bottom), (left, right) = blocks
+    rows, columns = (min(last * STEP, window.cells) - first * STEP for first, last in blocks)
+    at = between_steps(exact[top : bottom + 1, left : right + 1], rows, columns)
+    seen = _seen(look, at)
+    if not seen.any():
+        return None
+    where = np.s_[top * STEP : top * STEP + rows, left * STEP : left * STEP + columns]
+    return LaidPart(where, np.asarray(sampled(look.image, at), np.float32), seen)
+
+
+def _blocks_seen(look: GroundLook, exact: Array) -> tuple[tuple[int, int], tuple[int, int]] | None:
+    """First and last but one rows and columns of the blocks between pixels of the look's image (down, across, 2) that it may
+    see, one more on each side; None without any. Pixels are NaN where the lens cannot see them."""
+    height, width = look.image.shape[:2]
+    with np.errstate(invalid="ignore"):
+        low = _of_blocks(np.minimum, exact) <= [width, height]
+        high = _of_blocks(np.maximum, exact) >= -1
+    inside: Mask = np.asarray((low & high).all(axis=2))
+    if not inside.any():
+        return None
+    found = [np.flatnonzero(np.any(inside, axis=axis)) for axis in (1, 0)]
+    ends = [
+        (max(int(one[0]) - 1, 0), min(int(one[-1]) + 2, size)) for one, size in zip(found, inside.shape, strict=True)
+    ]
+    return ends[0], ends[1]
+
+
+def _of_blocks(extreme: np.ufunc, exact: Array) -> Array:
+    """The extreme of the four corners of each block; NaN if one is."""
+    return np.asarray(extreme.reduce([exact[:-1, :-1], exact[1:, :-1], exact[:-1, 1:], exact[1:, 1:]]))
 
 
 def _seen(look: GroundLook, at: Lattice) -> Mask:
     """Where the frame, and what of it is in memory, shows something (h, w), by pixels of the image (h, w, 2)."""
     low, high = look.dead.limits(look.camera.width, look.camera.height)
-    corner, rows_columns = np.array([look.left, look.top]), look.image.shape[:2]
+    corner, (height, width) = np.array([look.left, look.top]), look.image.shape[:2]
     least = np.maximum((np.array(low) + 0.5 - corner) / look.reduction - 0.5, -0.5)
-    most = np.minimum((np.array(high) + 0.5 - corner) / look.reduction - 0.5, np.array(rows_columns[::-1]) - 0.5)
+    most = np.minimum((np.array(high) + 0.5 - corner) / look.reduction - 0.5, np.array([width, height]) - 0.5)
     seen = np.asarray(cv2.inRange(at, tuple(least.tolist()), tuple(most.tolist())) > 0)
-    if look.still is not None and seen.any():
-        rows, columns = np.nonzero(seen)
-        pixels = (at[rows, columns] + 0.5) * look.reduction + corner - 0.5
-        seen[rows, columns] = ~look.still.covers(pixels, look.camera.width, look.camera.height)
+    if look.still is not None and look.still.blocks.any():
+        # Nowhere is NaN; beyond the edges `seen` has told already.
+        seen &= sampled(_uncovered(look.still, look)[..., None], at)[..., 0] > 127
     return seen
+
+
+def _uncovered(still: StillMask, look: GroundLook) -> ImageGrey:
+    """255 at pixels of the look's image (h, w) that no overlay covers."""
+    columns, rows = (
+        np.clip(((np.arange(size) + 0.5) * look.reduction + edge) * (blocks / whole), 0, blocks - 1).astype(np.intp)
+        for size, edge, blocks, whole in (
+            (look.image.shape[1], look.left, still.columns, look.camera.width),
+            (look.image.shape[0], look.top, still.rows, look.camera.height),
+        )
+    )
+    return np.where(still.blocks[np.ix_(rows, columns)], 0, 255).astype(np.uint8)

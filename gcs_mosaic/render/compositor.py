@@ -52,7 +52,7 @@ class CompositorSettings:
     # How overlapping frames are blended: seam (the best view), edge (the paper's blending), newest or first.
     blend: str = "seam"
     interpolation: str = "cubic"  # keeps 97 % of a frame's finest detail; "linear" 70-88 % in two thirds of the time
-    memory_mb: int = 160  # tiles and looks kept in memory, about 500; the others go to a scratch file
+    memory_mb: int = 96  # tiles and looks kept in memory, about 300; the others go to a scratch file
     threads: int = 2  # number of tiles painted in parallel
 
     def __post_init__(self) -> None:

@@ -78,9 +78,8 @@ class FrameCache:
         return picture
 
     def look_ahead(self, painted: RenderItem, image: Bands) -> None:
-        """Keep a frame's image in memory, and analyse it in the background. ValueError if it does not fit."""
+        """Analyse a frame in the background; it is painted much later, so its image is let go. ValueError if it does not fit."""
         picture = frame_picture(image, painted, self._keep)
-        self._originals.put(painted.name, image)
         while len(self._looking) >= LOOKS_AHEAD:
             self._take_look(next(iter(self._looking)))
         if self._mode.look is not None:

@@ -39,6 +39,7 @@ SHARPENED_TOGETHER = 4  # of overlapping frames: one by one, the ground that the
 NEWER = 4  # frames that stay coarse while there are newer ones: what they show is still changed by the next
 BLURRED_PX = 4.0  # displacement of a frame that is as bad as a coarse one: what looks worse is mended first
 PAUSE_S = 3.0  # without a new frame: then fewer are sharpened too
+LULL_S = 6.0  # without a new frame: all that waits is repainted together, so that each original is decoded once
 LIVE_BLOCK = (
     8  # tiles a side repainted together during a flight: fewer share frames, more are seldom done before the next frame
 )
@@ -227,7 +228,7 @@ class RepaintQueue(Kept):
         Tiles in the making are finished first: any frame that moves under them would undo what was done.
         """
         if self.canvas.is_at_work:
-            return [self._tiles_step(LIVE_BLOCK)]
+            return [self._tiles_step(self._block())]
         if self._unchecked:
             names = islice(self._unchecked, CHECKED_AT_ONCE)
             return [self._step(name, partial(self._check, name), self._unchecked) for name in names]
@@ -241,25 +242,39 @@ class RepaintQueue(Kept):
         if blurred:
             self.canvas.expect([self._painted[name] for name in blurred])
             return [self._step(name, partial(self._sharpen, name), self._coarse) for name in blurred]
+        if self._changed:  # by `settling_steps`
+            return self._carrying_steps(MOVED_AT_ONCE)
         self._refitted = self.shows_old_range
-        return [self._tiles_step(LIVE_BLOCK)] if self.canvas.behind else []
+        return [self._tiles_step(self._block())] if self.canvas.behind else []
 
-    def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
-        """The work of `repaint_all`, in groups of independent steps. Each is to be done or skipped, in order."""
+    def settling_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
+        """Decide the final pose, brightness and level of each frame, by all that is known now, in groups of independent steps.
+        Each is to be done or skipped, in order; `repaint_some` or the rest of `final_steps` then paint them."""
         looks = [Step("the final brightness", self._take_final_looks, self._forget_moves)]
         moves = [Step(one.name, partial(self._move_finally, one), set) for one in placements]
         levels = [Step(name, partial(self._settle_level, name), set) for name in self._painted]
         yield from (looks, moves, levels)
+
+    def final_steps(self, placements: Iterable[Placement]) -> Iterator[list[Step]]:
+        """The work of `repaint_all`, in groups of independent steps. Each is to be done or skipped, in order."""
+        yield from self.settling_steps(placements)
         while self._changed:  # once each, however often it changed
-            names = list(islice(self._changed, MOVED_TOGETHER))
-            self.canvas.expect([self._painted[name] for name in names])
-            yield [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
+            yield self._carrying_steps(MOVED_TOGETHER)
         while self.canvas.behind:
             yield [self._tiles_step(BLOCK)]
         self._refitted = False
 
     def close(self) -> None:
         self.canvas.close()
+
+    def _block(self) -> int:
+        """How many tiles a side are repainted together now."""
+        return BLOCK if time.monotonic() - self._newest_s > LULL_S else LIVE_BLOCK
+
+    def _carrying_steps(self, most: int) -> list[Step]:
+        names = list(islice(self._changed, most))
+        self.canvas.expect([self._painted[name] for name in names])
+        return [Step(name, partial(self._carry_over, name), partial(self._changed.pop, name)) for name in names]
 
     def _step(self, name: str, do: Callable[[], None], queue: dict[str, Any]) -> Step:
         def done() -> set[TileKey]:

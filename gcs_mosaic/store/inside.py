@@ -77,7 +77,9 @@ def read(path: Path, root: Path, most: int = LARGEST_FILE) -> bytes:
         found = os.fstat(file.fileno())
         if found.st_size <= most and is_mostly_holes(found):
             raise OSError(errno.EFBIG, "nothing but holes", str(path))
-        data = file.read(most + 1)
+        data = file.read(min(most, found.st_size) + 1)  # `read` sets aside as much as it is asked for
+        if len(data) > found.st_size:  # it has grown meanwhile
+            data += file.read(max(0, most + 1 - len(data)))
     if len(data) > most:
         raise OSError(errno.EFBIG, f"more than {most / MB:g} MB", str(path))
     return data

@@ -1,5 +1,7 @@
 """The height at which looks agree is found, the lowest of several, and none where they show unrelated things."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import pytest
@@ -71,6 +73,29 @@ def test_beneath_clumps_the_ground_is_the_lowest_height_of_agreement(cover: floa
     found = focus_of(looks(-0.1, 0.12, cover))
     assert found.known
     assert found.height == pytest.approx(-0.1, abs=0.015)
+
+
+def crowned(ground: float, tops: Sequence[float], bare: float, width: float) -> list[GroundLook]:
+    """Frames of faint ground, of which a share lies bare between opaque crowns that become narrower at each of these heights."""
+    stand = cv2.GaussianBlur(np.random.default_rng(7).standard_normal((512, 512)).astype(np.float32), (0, 0), width)
+    found = []
+    for number, pose in enumerate(POSES):
+        image = 0.4 * seen(pose, texture(1), ground)
+        for layer, height in enumerate(tops):
+            hides = seen(pose, stand, height) > np.quantile(stand, bare + (0.95 - bare) * layer / len(tops))
+            image = np.where(hides, seen(pose, texture(50 + layer), height), image)
+        found.append(GroundLook(str(number), pose, CAMERA, 100 + 10 * image[..., None].astype(np.float32)))
+    return found
+
+
+def test_ground_between_crowns_is_found_though_all_of_them_agree_better() -> None:
+    """Together the looks have one peak, at the crowns, of which the ground is a shoulder."""
+    found = focus_of(crowned(-0.08, [0.008 * one for one in range(8)], 0.2, 12))
+    assert found.height == pytest.approx(-0.08, abs=0.025)  # a step of the search is 1.5 %
+
+
+def test_crowns_as_far_apart_as_the_looks_make_no_ground_far_below_them() -> None:
+    assert focus_of(crowned(-0.1, [0.008 * one for one in range(8)], 0.12, 6)).height > -0.2
 
 
 @pytest.mark.long

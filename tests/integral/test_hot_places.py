@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gcs_mosaic.integral.hot_places import ANY_SIZE, oddities, over_heights, peaks, person_size, warmth
+from gcs_mosaic.integral.hot_places import ANY_SIZE, HotPlace, oddities, over_heights, peaks, person_size, warmth
 from gcs_mosaic.integral.stack import GroundWindow, LookStack
 
 SIDE = 96
@@ -61,4 +61,14 @@ def test_one_thing_in_several_focuses_is_one() -> None:
     stack = stack_of(6)
     put(stack, [0, 2, 4], 20, 20, 9.0)
     several = [one for height in (0.0, 0.01) for one in peaks(oddities(stack), WINDOW, height, 1)]
-    assert len(over_heights(several, 10.0)) == 1
+    assert len(over_heights(several, 10.0, 0.0)) == 1
+
+
+def test_a_thing_out_of_focus_lies_aside_and_is_still_one() -> None:
+    """Looks from one side: over a tenth of the flying height a thing moves by a tenth of how far aside they are."""
+    there, aside, another = (
+        HotPlace(x=x, y=0.0, height=height, score=score)
+        for x, height, score in ((0.0, -0.1, 9.0), (28.0, 0.0, 7.0), (28.0, -0.1, 5.0))
+    )
+    assert over_heights([there, aside], 10.0, 200.0) == [there]
+    assert over_heights([there, another], 10.0, 200.0) == [there, another]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sitl.canopy import LEAVES, Canopy
+from sitl.conifers import Conifers
 from sitl.geometry import CameraState, Lens, rays_of_picture
 
 LENS = Lens(width=200, height=160)
@@ -18,6 +19,19 @@ def test_leaves_hide_as_much_of_the_ground_as_was_asked_for(hidden: float) -> No
     canopy = Canopy(hidden)
     shares = [canopy.hides(replace(ABOVE, x=x, y=y), RAYS).mean() for x in (-60.0, 0.0, 60.0) for y in (-60.0, 60.0)]
     assert np.mean(shares) == pytest.approx(hidden, abs=0.05)  # outwards rays are longer in the leaves
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("hidden", [0.5, 0.7])
+def test_conifers_hide_as_much_as_was_asked_for_and_have_surfaces(hidden: float) -> None:
+    """Leaves beside each other that a camera above sees lie as high, mostly to a metre."""
+    trees = Conifers(hidden, lowest=3.0, highest=17.0)
+    shares = [trees.hides(replace(ABOVE, x=x, y=y), RAYS).mean() for x in (-60.0, 0.0, 60.0) for y in (-60.0, 60.0)]
+    assert np.mean(shares) == pytest.approx(hidden, abs=0.07)
+    covers = np.asarray(np.stack([one for _, one in trees.levels]) > 0)
+    is_leaf, level = np.asarray(covers.any(axis=0)), np.asarray(covers.argmax(axis=0))
+    both = is_leaf[:, :-1] & is_leaf[:, 1:]
+    assert np.median(np.abs(np.diff(level, axis=1))[both]) <= 1  # metres between texels beside each other
 
 
 def test_what_is_hidden_is_leaves_and_what_is_open_is_ground() -> None:

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import chdir, closing
 from pathlib import Path
@@ -103,6 +105,38 @@ def test_what_is_read_is_bounded(root: Path) -> None:
         file.truncate(1 << 31)
     with pytest.raises(OSError, match="holes"):
         inside.read(root / "sparse", root)
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from gcs_mosaic.store import inside
+resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+print(len(inside.read(Path(sys.argv[1]) / "folder" / "file", Path(sys.argv[1]))))
+"""
+
+
+@pytest.mark.long
+@posix
+def test_no_more_memory_is_asked_for_than_the_file_takes(root: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", LIMITED, str(root)], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == (f"{len((root / 'folder/file').read_bytes())}\n", "")
+
+
+@posix
+def test_what_has_grown_since_its_size_was_asked_is_read_whole(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = (root / "folder/file").read_bytes()
+    asked = os.fstat
+
+    def before_it_grew(descriptor: int) -> os.stat_result:
+        found = list(asked(descriptor))
+        return os.stat_result([*found[:6], len(whole) - 2, *found[7:]])
+
+    monkeypatch.setattr(os, "fstat", before_it_grew)
+    monkeypatch.setattr(inside, "is_mostly_holes", lambda found: False)
+    assert inside.read(root / "folder/file", root) == whole
+    with pytest.raises(OSError, match="more than"):
+        inside.read(root / "folder/file", root, len(whole) - 1)
 
 
 @pytest.mark.long

@@ -61,6 +61,9 @@ logger = logging.getLogger(__name__)
 
 WAIT_S = 0.2  # longest wait between checks for shutdown
 IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and repaint moved frames
+LANDED_AFTER_S = (
+    20.0  # without a new frame: time to show the whole map as at the end, so that Ctrl-C has little left to do
+)
 TAKE_IN_S = 0.5  # then accepted frames are processed before more are accepted
 CONNECT_SHARE = 4  # 1 / this share of the time left at the end may be spent on connecting islands
 RETRY_S = 2.0  # between attempts to write to a full disk
@@ -175,6 +178,7 @@ class _Daemon:
         self._until = math.inf  # deadline for finishing
         self._state: DaemonState = "listening"
         self._adjusting = False  # whether an adjustment started in a pause is still running
+        self._unsettled = False  # whether frames were painted since the whole map was last shown as at the end
         self._disk_due = 0.0
         self._looked = set[int | None]()  # aircraft of whose source each file that was there at the start is accepted
 
@@ -205,6 +209,7 @@ class _Daemon:
         for frame in again:
             self._came[frame.name] = time.monotonic()
             self._preparation.append(replace(frame, received=time.monotonic()))
+        self._unsettled = True
         self._pipeline.checkpoint(at_once=True)  # with this run's clock
         placed = store.accounts().frames.placed
         text = f"{placed} frames of it are on the map, {len(again)} are still to be placed"
@@ -338,12 +343,17 @@ class _Daemon:
             self._pipeline.adjust()
             self._driver.save()
             self._pipeline.checkpoint()
-        elif self._repainting() and self._pipeline.repaint_some():
-            self._driver.save()
         elif self._is_idle() and (self._state == "flying" or self._adjusting):
             self._state = "idle"
             self._adjust_in_a_pause()
+            if not self._driver.repaint_some():
+                self._driver.save()
+        elif self._unsettled and self._is_idle(LANDED_AFTER_S):
+            self._unsettled = False
+            self._pipeline.settle_in_a_pause()
             self._driver.save()
+        elif self._repainting():
+            self._driver.repaint_some()
 
     def _begin_next(self, done: Done) -> None:
         """Start preparing the newest frame while this one is being written."""
@@ -359,11 +369,11 @@ class _Daemon:
             logger.exception("the map could not be adjusted in a pause")
             self.say(Notice(source="daemon", level="error", text=f"the map could not be adjusted ({error!r})"))
 
-    def _is_idle(self) -> bool:
-        return not len(self._preparation) and time.monotonic() - self._last_frame > IDLE_AFTER_S
+    def _is_idle(self, after_s: float = IDLE_AFTER_S) -> bool:
+        return not len(self._preparation) and time.monotonic() - self._last_frame > after_s
 
     def _note_done(self, done: Done, vehicle: int | None) -> None:
-        self._state = "flying"
+        self._state, self._unsettled = "flying", True
         self._announcements.frame(done.state, vehicle)
         self._reporter.conditions.frame(done.state, vehicle)
         latency = time.monotonic() - self._came.pop(done.name)
@@ -483,18 +493,22 @@ class _Daemon:
         try:
             for _ in self._pipeline.settle(self._time_to_connect()):
                 self._report()
-            if self._may_go_on():
-                self._repaint_all()
+            self._repaint_all()
         except Exception as error:  # close the accounts anyway
             logger.exception("the final painting has failed")
             text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
             self.say(Notice(source="daemon", level="error", text=text))
 
     def _repaint_all(self) -> None:
-        for _ in self._pipeline.repaint_all():
+        """As far as there is time."""
+        steps = self._driver.repaint_all()
+        while self._may_go_on():
+            if next(steps, False) is False:
+                return
             self._report()
-            if not self._may_go_on():
-                break
+        out = self._pipeline.store.out
+        text = f"parts of the map stay as in flight, there was no time to paint them: gcs-mosaic --resume --out {out} does it"
+        self.say(Notice(source="daemon", level="warning", text=text))
 
     def _time_to_connect(self) -> Callable[[], bool]:
         """Whether there is time left to connect islands: a share of the remaining time, none when hurried."""

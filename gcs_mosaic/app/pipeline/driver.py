@@ -12,7 +12,8 @@ from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame
 
-GIVE_BACK_EACH = 8  # frames: less than a hundredth of the time
+GIVE_BACK_EACH = 4  # frames: less than a hundredth of the time
+GIVE_BACK_STEPS = 4  # of repainting, of a frame each
 
 
 class Driver:
@@ -20,7 +21,7 @@ class Driver:
 
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
-        self._processed = 0
+        self._processed, self._repainted = 0, 0
 
     def accept(self, item: Frame | DamagedFile | DroppedFrame) -> Frame | None:
         """Accept an arrival; returns the frame to process, as kept, or None."""
@@ -48,8 +49,28 @@ class Driver:
         """End the flight: settle it and paint everything, step by step, saving after each."""
         for _ in self._pipeline.finish():
             self.save()
+            self._note_step()
             yield
         self.save()
+
+    def repaint_all(self) -> Iterator[None]:
+        """The last part of it, saving nothing: what is saved once at the end is encoded once."""
+        for _ in self._pipeline.repaint_all():
+            self._note_step()
+            yield
+
+    def repaint_some(self) -> bool:
+        """Use spare time to repaint a little, and save it; False if there is nothing to do."""
+        some = self._pipeline.repaint_some()
+        if some:
+            self.save()
+            self._note_step()
+        return some
+
+    def _note_step(self) -> None:
+        self._repainted += 1
+        if self._repainted % GIVE_BACK_STEPS == 0:
+            give_back()
 
     def save(self) -> float:
         """Write all changes; returns the seconds it took."""

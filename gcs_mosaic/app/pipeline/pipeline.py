@@ -284,6 +284,12 @@ class Pipeline(Kept):
         self._follow_moved()
         return bool(under_way)
 
+    def settle_in_a_pause(self) -> None:
+        """Use a pause in which nothing is left to be adjusted: all frames get the brightness and places that they would have at
+        the end, and `repaint_some` shows it. Call `save` afterwards."""
+        with stage("repaint", ""):
+            self._render_stage.settle(self.mosaic.placements())
+
     def _connected_some(self) -> bool:
         """Compare some unconnected frames that look alike; returns whether there are more."""
         try:

@@ -106,6 +106,11 @@ class RenderStage(Kept):
         self._repaint(steps)
         return bool(steps)
 
+    def settle(self, placements: Iterable[Placement]) -> None:
+        """Decide the final place and brightness of everything by what is known now; `repaint_some` then paints it."""
+        for steps in self._renderer.settling_steps(placements):
+            self._repaint(steps)
+
     def repaint_all(self, placements: Iterable[Placement]) -> Generator[None, None, None]:
         """Repaint everything at its final place and brightness, step by step."""
         for steps in self._renderer.final_steps(placements):

@@ -36,6 +36,8 @@ class FindFeatures(Protocol):
         """Features of an image (h, w, bands) that was reduced by an integer factor."""
 
 
+# Of decoded frames that wait for their turn: of more than 26 MP in colour one is enough, where memory may be small.
+MOST_AHEAD_BYTES = 160 << 20
 THUMBNAIL_WIDTH = 96  # px; enough to compare the brightness of overlaps
 
 
@@ -157,6 +159,7 @@ class Preparation:
         self._ahead: dict[int, Future[DecodedFrame | UndecodableFrame]] = {}
         self._features: dict[int, Features] = {}  # of frames that were ready when another one took precedence
         self._orders: dict[str, int] = {}  # of frames already taken, by name
+        self._image_bytes = 0  # of the last one taken
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -207,6 +210,8 @@ class Preparation:
         self._orders[self._waiting.pop(number).name] = number
         self._ahead.pop(number)
         self._features.pop(number, None)
+        if isinstance(prepared, DecodedFrame):
+            self._image_bytes = prepared.image.nbytes
         self.begin()
         return prepared
 
@@ -216,7 +221,7 @@ class Preparation:
         self._turns.processed(self._orders[name], found, waits=waits)
 
     def begin(self) -> None:
-        """Start preparing the next frames of all queued; at most AHEAD images are in memory or being loaded."""
+        """Start preparing the next frames of all queued; at most AHEAD images are in memory or being loaded, one if large."""
         soon = self._turns.soon()
         for number in soon:
             if number not in self._ahead and self._made_room(soon):
@@ -253,12 +258,13 @@ class Preparation:
         """Whether there is room for another image, after putting back those that are no longer next."""
         ready = self._ready()
         turn = self._turns.next(ready)
+        most = AHEAD if AHEAD * self._image_bytes <= MOST_AHEAD_BYTES else 1
         for number in ready:
-            if len(self._ahead) >= AHEAD and number not in soon and number != turn:
+            if len(self._ahead) >= most and number not in soon and number != turn:
                 prepared = self._ahead.pop(number).result()
                 if isinstance(prepared, DecodedFrame):
                     self._features[number] = prepared.features
-        return len(self._ahead) < AHEAD
+        return len(self._ahead) < most
 
     def _begin(self, number: int) -> None:
         given = self._waiting[number], self._find, self._reduction, self._least_pixels, self._features.get(number)

@@ -6,6 +6,7 @@ wheels do not include it.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -20,6 +21,8 @@ from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, ImageGrey, PointsNx
 FeatureKind = Literal["sift", "orb", "surf"]
 
 ORB_SCALE = 1.2  # between the levels of ORB's pyramid
+# SIFT's scale space takes 200 bytes a pixel, and all cores anyway: of two pictures at once, one waits.
+ONE_AT_A_TIME = threading.Lock()
 SURF_DESCRIPTOR = 6  # first descriptor column in mahotas' rows: y, x, scale, score, laplacian, angle, 64 of descriptor
 
 
@@ -55,7 +58,8 @@ Rows = tuple[PointsNx2, Vector, Descriptors]  # points (n, 2), strength (n,), de
 def _sift(grey: ImageGrey, count: int, contrast: float) -> Rows:
     # Without precise upscaling OpenCV's SIFT shifts every point by a quarter pixel, which shows between two headings.
     sift = cv2.SIFT.create(nfeatures=count, contrastThreshold=contrast, enable_precise_upscale=True)
-    keypoints, descriptors = sift.detectAndCompute(grey, None)
+    with ONE_AT_A_TIME:
+        keypoints, descriptors = sift.detectAndCompute(grey, None)
     if descriptors is None:
         return _nothing(128, np.float32)
     return np.array([k.pt for k in keypoints]), np.array([k.response for k in keypoints]), descriptors

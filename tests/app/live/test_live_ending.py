@@ -105,6 +105,17 @@ def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> N
 
 
 @pytest.mark.long
+def test_a_final_painting_that_is_cut_short_is_said(tmp_path: Path, pictures: list[bytes]) -> None:
+    with flying(tmp_path, config=QUICK + "\nfinish_s: 0\n") as flight:
+        for k in range(3):
+            flight.take(f"IMG_{k}.JPG", pictures[k])
+        flight.wait_for_frames(placed=3)
+        assert flight.end() == 0
+        assert "parts of the map stay as in flight" in flight.said
+        assert_accounts_close(flight, frames=3)
+
+
+@pytest.mark.long
 def test_killed_in_flight_everything_written_is_whole(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path) as flight:
         for k in range(6):

@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from gcs_mosaic.app.waiting import prefetch
 from gcs_mosaic.app.waiting.prefetch import THUMBNAIL_WIDTH, DecodedFrame, Preparation, thumbnail
 from gcs_mosaic.app.waiting.turns import AHEAD, NewestFirst
 from gcs_mosaic.frames.decoding.decoders import Decoders
@@ -84,6 +85,22 @@ def test_all_that_were_passed_over_have_theirs_in_the_end_in_order(preparation: 
         taken.append(prepared.frame.name)
         assert len(preparation._ahead) <= AHEAD
     assert taken == [f"{number}.jpg" for number in range(7, -1, -1)]
+
+
+@pytest.mark.long
+def test_of_large_pictures_one_at_most_waits(preparation: Preparation, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prefetch, "MOST_AHEAD_BYTES", AHEAD * 60 * 80 * 3 - 1)
+    for number in range(8):
+        preparation.append(frame(number))
+    taken = list[str]()
+    while len(preparation):
+        prepared = preparation.next()
+        assert prepared is not None
+        preparation.processed(prepared.frame.name, [prepared.frame.name], waits=False)
+        taken.append(prepared.frame.name)
+        if len(taken) > 2:  # until one is taken nobody knows how large they are
+            assert len(preparation._ahead) <= 1
+    assert sorted(taken) == [f"{number}.jpg" for number in range(8)]
 
 
 def test_a_picture_of_one_row_has_a_thumbnail() -> None:
