@@ -32,7 +32,7 @@ def url(flight: SmallFlight, page: Page) -> Iterator[str]:
 
 
 @pytest.fixture
-def slowly(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+def slowly(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     """Once this is set each document takes long."""
     is_slow = threading.Event()
     read: Callable[[Path], Any] = documents.small_document
@@ -43,7 +43,11 @@ def slowly(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
         return read(path)
 
     monkeypatch.setattr(documents, "small_document", late)
-    return is_slow
+    yield is_slow
+    is_slow.clear()
+    time.sleep(
+        SLOW_S
+    )  # what was asked for is answered, or its connection would be closed by the end of the server alone
 
 
 def states(page: Page, seconds: float) -> set[str]:
