@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.frames.bands import decode_bands, needs_bands
+from gcs_mosaic.frames.flir import counts_in
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
 from gcs_mosaic.frames.jpeg import jpeg_picture
 from gcs_mosaic.frames.jpeg_mend import continued, has_its_end, mended, rows_missing
@@ -64,17 +65,19 @@ def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> 
 
 def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """(height, width, bands) uint8 or uint16 from a JPEG, PNG or TIFF, without transparency: three bands are blue, green
-    and red, others are in file order.
+    and red, others are in file order. Of a radiometric JPEG its counts, see `flir`.
 
     A `reduction` of 2 or 4 gives half or a quarter of the size (rounded up); a JPEG is decoded directly at that size.
     """
     whole = is_whole(data, max_pixels)
-    return Unreadable(whole.reason) if isinstance(whole, NotWhole) else decode_whole(data, whole, reduction)
+    if isinstance(whole, NotWhole):
+        return Unreadable(whole.reason)
+    return counts_instead(data, decode_whole(data, whole, reduction), whole, reduction)
 
 
 def decode_whole(data: bytes, whole: Whole, reduction: int = 1, *, is_proven: bool = False) -> Bands | Unreadable:
-    """As `decode_image`, for a file with this header. Where that is in doubt, rows are looked for that are missing, unless it
-    `is_proven` that none are."""
+    """The picture of a file with this header, before `counts_instead`. Where that is in doubt, rows are looked for that are
+    missing, unless it `is_proven` that none are."""
     try:
         image = _decoded(data, whole, reduction) if not whole.doubt else None
         if image is None:
@@ -90,6 +93,17 @@ def decode_whole(data: bytes, whole: Whole, reduction: int = 1, *, is_proven: bo
     if image.shape != wanted or image.dtype not in (np.uint8, np.uint16):
         return Unreadable(f"decodes to {image.shape} {image.dtype}, not to counts of 8 or 16 bits {wanted}")
     return image
+
+
+def counts_instead(data: bytes, picture: Bands | Unreadable, whole: Whole, reduction: int = 1) -> Bands | Unreadable:
+    """The counts that a file has beside the picture it decodes to; that picture if it has none."""
+    if isinstance(picture, Unreadable) or not data.startswith(_JPEG):
+        return picture
+    found = counts_in(data, (whole.width, whole.height))
+    counts = None if found is None else found.pixels()
+    if counts is None:
+        return picture
+    return _reduced(counts[..., None], reduction) if reduction > 1 else counts[..., None]
 
 
 def share_missing(data: bytes, whole: Whole, image: Bands, reduction: int = 1) -> float:

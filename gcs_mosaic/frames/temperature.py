@@ -4,6 +4,7 @@ A picture is placed and painted by its counts alone; what is read here never get
 FLIR, Duo Pro R User Guide 1.0, 6.2.2 (0.04 K, 0.40 K at low gain) and Duo User Guide, 5.1.7.3 (0.01 K), and its XMP
 (`TlinearGain`, kelvin per count); Pix4D, Thermal projects FAQ (senseFly thermoMAP 0.01 - 100, Workswell WIRIS 0.04 - 273.15);
 MicaSense (Altum, 0.01 K); GDAL, GeoTIFF driver: band units in GDAL_METADATA. DJI's TIFFs in counts are of FLIR's Zenmuse XT.
+Counts of FLIR's radiometric JPEGs follow Planck's law (`flir`).
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from gcs_mosaic.frames.exif import first_texts
+from gcs_mosaic.frames.flir import Planck, planck_in
 from gcs_mosaic.frames.structure import StructureError
 
 ZERO_CELSIUS = 273.15  # kelvin
+_JPEG = b"\xff\xd8"
 _MAKE, _MODEL, _XMP, _GDAL = 271, 272, 700, 42112
 _GAIN = re.compile(r"""\bT-?linear_?gain\s*(?:=\s*["']|>)\s*([0-9.]{1,12})""", re.IGNORECASE)
 _ITEM = re.compile(r"""<Item\b([^>]{0,200})>([^<]{0,60})</Item>""")
@@ -47,13 +50,40 @@ class CountUnit:
     def celsius(self, count: float) -> float:
         return self.per_count * count + self.at_zero
 
-    def is_likely(self, count: float) -> bool:
-        """Whether a usual count of a flight is a temperature on earth."""
-        return COLDEST <= self.celsius(count) <= WARMEST
+    def step(self, _count: float) -> float:
+        """Degrees by one count more."""
+        return self.per_count
 
 
-def units_told(file: BinaryIO) -> tuple[CountUnit, ...]:
-    """What an open TIFF says its counts may be, by its gain mode; none if it says nothing. Reads tags only. Raises OSError."""
+@dataclass(frozen=True, slots=True)
+class PlanckUnit:
+    """Degrees Celsius of a black body, by a camera's constants."""
+
+    constants: Planck
+
+    def celsius(self, count: float) -> float:
+        """NaN where no temperature has this count."""
+        return self.constants.kelvin(count) - ZERO_CELSIUS
+
+    def step(self, count: float) -> float:
+        """Degrees by one count more, around a count."""
+        return (self.celsius(count + 1) - self.celsius(count - 1)) / 2
+
+
+Unit = CountUnit | PlanckUnit
+
+
+def units_told(file: BinaryIO) -> tuple[Unit, ...]:
+    """What an open TIFF, or radiometric JPEG, says its counts may be, by its gain mode; none if it says nothing. Reads tags only.
+    Raises OSError."""
+    file.seek(0)
+    if file.read(2) == _JPEG:
+        found = planck_in(file)
+        return () if found is None else (PlanckUnit(found),)
+    return _of_tiff(file)
+
+
+def _of_tiff(file: BinaryIO) -> tuple[CountUnit, ...]:
     try:
         texts = first_texts(file, (_MAKE, _MODEL, _XMP, _GDAL))
     except StructureError:
@@ -68,9 +98,9 @@ def units_told(file: BinaryIO) -> tuple[CountUnit, ...]:
     return tuple(_of_model(f"{make} {model}", xmp))
 
 
-def likely_unit(units: tuple[CountUnit, ...], usual: float) -> CountUnit | None:
+def likely_unit(units: tuple[Unit, ...], usual: float) -> Unit | None:
     """The one that makes a flight's usual count a temperature on earth; None if none does, or several."""
-    found = [unit for unit in units if unit.is_likely(usual)]
+    found = [unit for unit in units if COLDEST <= unit.celsius(usual) <= WARMEST]
     return found[0] if len(found) == 1 else None
 
 

@@ -24,9 +24,15 @@ from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR, Levels, Mask, Matrix,
 
 Gain = tuple[float, ...]  # one per band
 
-# Colours of a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 48 and 28.
+# Colours of a thumbnail, grey levels: false colours have 99 and more and 53 and more, the most colourful ground 57 and 36.
 PALETTE_SATURATION = 75  # median of highest minus lowest channel
 PALETTE_SPREAD = 40  # RMS distance from the mean of all that is not grey: ground has one hue, a palette several
+# Where frames use but a part of the palette both may be less, but then all colours lie on one curve: of the variance of hues so
+# many places along it leave 0.003 to 0.039 (eleven palettes over thermal frames, JPEGs), on colourful ground 0.066 to 0.15.
+CURVE_SATURATION, CURVE_SPREAD, BESIDE_CURVE = 60, 14, 0.05
+# What brightness alone leaves of that variance: of palettes 0.56 and more, next to nothing of ground of one hue in shade and sun.
+BESIDE_BRIGHTNESS = 0.3
+PLACES, CURVE_SAMPLE, CURVE_TURNS = 24, 2000, 12
 # Of a grey picture all but so many pixels have their highest and lowest channel within so many levels: compression leaves a level
 # or two, and a crosshair, a logo or a bar of colours in it takes less than a hundredth.
 GREY_SHARE, GREY_LEVELS = 0.99, 3.0
@@ -162,9 +168,41 @@ def is_false_colour(small: Levels) -> bool:
     if small.shape[2] != 3:
         return False
     colours = small.reshape(-1, 3).astype(np.float64)
+    saturation, spread = float(np.median(np.ptp(colours, axis=1))), _spread_of_hues(colours)
+    if saturation > PALETTE_SATURATION and spread > PALETTE_SPREAD:
+        return True
+    if saturation <= CURVE_SATURATION or spread <= CURVE_SPREAD:
+        return False
+    return _beside_curve(colours) < BESIDE_CURVE and _beside_brightness(colours) > BESIDE_BRIGHTNESS
+
+
+def _spread_of_hues(colours: Matrix | FloatImage) -> float:
+    """RMS distance of what is not grey in colours (n, 3) from its mean."""
     hue = colours - colours.mean(axis=1, keepdims=True)
-    spread = float(np.sqrt(hue.var(axis=0).sum()))
-    return bool(np.median(np.ptp(colours, axis=1)) > PALETTE_SATURATION and spread > PALETTE_SPREAD)
+    return float(np.sqrt(hue.var(axis=0).sum()))
+
+
+def _beside_curve(colours: Matrix) -> float:
+    """Share of the variance of the hues of colours (n, 3) that lies beside a curve through them: k-means from even parts along
+    the longest axis, so the same for the same colours. All of it for fewer than it has places."""
+    some = colours[:: max(1, len(colours) // CURVE_SAMPLE)].astype(np.float32)
+    if len(some) < PLACES:
+        return 1.0
+    _, _, axes = np.linalg.svd(some - some.mean(axis=0), full_matrices=False)
+    places = np.empty((len(some), 1), np.int32)
+    places[np.argsort(some @ axes[0], kind="stable"), 0] = np.arange(len(some)) * PLACES // len(some)
+    until = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, CURVE_TURNS, 0.5)
+    _, found, middles = cv2.kmeans(some, PLACES, places, until, 1, cv2.KMEANS_USE_INITIAL_LABELS)
+    return float(
+        (_spread_of_hues(np.asarray(some - middles[found[:, 0]], np.float32)) / max(_spread_of_hues(some), 1e-9)) ** 2
+    )
+
+
+def _beside_brightness(colours: Matrix) -> float:
+    """Share of the variance of the hues of colours (n, 3) that their brightness does not explain in proportion."""
+    grey = colours.mean(axis=1, keepdims=True)
+    of_one_hue = grey * ((colours - grey) * grey).sum(axis=0) / max(float((grey * grey).sum()), 1e-9)
+    return (_spread_of_hues(colours - of_one_hue) / max(_spread_of_hues(colours), 1e-9)) ** 2
 
 
 def is_grey(some: Levels) -> bool:

@@ -1,10 +1,11 @@
 """Light field: a smooth correction of a frame's tones, in which overlapping frames meet between their photographs.
 
-The common tone of a place is the mean log brightness of all frames that see it, weighted by their distance from their own
-borders; a frame's field is what it lacks of that. So it is in both frames of a seam the same, changes over half a frame where
-the light does, is zero where one frame alone sees the ground, and depends on the frames beside it only: nothing adds up along a
-chain. A mean over overlaps in place of the blocks that M. Uyttendaele, A. Eden and R. Szeliski, "Eliminating Ghosting and
-Exposure Artifacts in Image Mosaics", CVPR 2001, section 4, average for the same purpose.
+The common tone of a place is between the mean and the median of the log brightness of all frames that see it, weighted by their
+distance from their own borders: a few frames in another light than most do not decide it. A frame's field is what it lacks of
+that. So it is in both frames of a seam the same, changes over half a frame where the light does, is zero where one frame alone
+sees the ground, and depends on the frames beside it only: nothing adds up along a chain. A mean over overlaps in place of the
+blocks that M. Uyttendaele, A. Eden and R. Szeliski, "Eliminating Ghosting and Exposure Artifacts in Image Mosaics", CVPR 2001,
+section 4, average for the same purpose.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ UNLIKE = 0.25  # log brightness; what deviates more from an overlap's median (sh
 FINER = 16  # times the nodes, between which a field is cubic; linear ones would show as bands
 FINE = ROWS * FINER, COLUMNS * FINER
 DECISIVE = 4  # power of a weight: the frame that sees a place best shows it
+ALIKE = 0.1  # log brightness; what is this near the common tone, nobody notices, and counts fully towards it
+ROUNDS = 3  # of weighting anew; with more of them the light would change abruptly from one frame's to the other's
 HELD = 0.5  # weight of a new frame's own light beside frames that stay as they are shown: on a seam it gives way
 
 
@@ -135,12 +138,26 @@ def lacking(aspect: float, beside: Iterable[tuple[FloatRows, AnyArray]], own: fl
     known = list(beside)
     if not known:
         return None
-    weight = own * own_weight(aspect) + sum(share for share, _ in known)
-    total = sum(share * brighter for share, brighter in known)
-    steps = np.clip(np.rint(total / np.maximum(weight, np.float32(1e-6)) * STEPS), -MOST, MOST).astype(np.int8)
+    weight = np.stack([own * own_weight(aspect), *(share for share, _ in known)])
+    brighter = np.stack([np.zeros_like(known[0][1]), *(one for _, one in known)])
+    steps = np.clip(np.rint(_common(weight, brighter) * STEPS), -MOST, MOST).astype(np.int8)
     if np.abs(steps).max() <= LEAST:
         return None
     return LightField(steps.tobytes())
+
+
+def _common(weight: AnyArray, brighter: AnyArray) -> AnyArray:
+    """The common tone (nodes, bands) of the weights (n, nodes, 1) and tones (n, nodes, bands) of frames: a mean in which what is
+    far from it counts less. A few rounds, softened, of E. Weiszfeld's way to the median, Tohoku Math. J. 43, 1937."""
+    common = _mean(weight, brighter)
+    for _ in range(ROUNDS):
+        far = np.abs(brighter - common).mean(axis=2, keepdims=True) / np.float32(ALIKE)
+        common = _mean(weight / np.sqrt(1 + far**2), brighter)
+    return common
+
+
+def _mean(weight: AnyArray, values: AnyArray) -> AnyArray:
+    return np.asarray((weight * values).sum(axis=0) / np.maximum(weight.sum(axis=0), np.float32(1e-6)))
 
 
 def shown_part(aspect: float, beside: Iterable[tuple[FloatRows, AnyArray]]) -> FloatRows:

@@ -1,6 +1,7 @@
 """Seam blending: each place from the frame with the best view, with a transition of a few pixels and no ghosting.
 
-View quality is a frame's weight (distance to its border, resolution) and local sharpness, because some frames have motion blur.
+View quality is a frame's weight (distance to its border, resolution) and local sharpness, because some frames have motion blur;
+and how near its light is to that of most frames there, so that less of it has to be changed.
 A salient thing in one frame where another has none (a person, a vehicle that has moved on) outweighs any weight: whatever was
 seen once stays on the map. A static thing is salient in all frames, and then the weight decides. In between is a thing that the
 other frame has some distance away: a tall one seen from another side, or a walking person. There the weight decides too, with a
@@ -53,6 +54,9 @@ LEAST_DETAIL = 1.0  # grey levels; the noise level of bare ground
 # Exponent of the detail ratio: a frame with a third less detail yields to one with a third of its weight. With more of it, crowns
 # that lean into one frame would cover the smooth road that another sees.
 SHARP = 3.0
+# Subtracted per log brightness by which a frame's light is unlike that of most frames: what is brighter by a third, as where the
+# sun has come out, yields to three quarters of its weight. With more of it seams leave the places where frames are alike.
+UNLIKE = 1.0
 SALIENT = 20.0  # added to the log weight ratio for a thing the other frame lacks: exceeds any weight
 # Added where the other frame has one some distance away: more than the log weight ratio changes over that distance, so that of
 # two frames that see a person in two places not each defers to the other.
@@ -88,7 +92,16 @@ def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
         one[weight <= LEAST_WEIGHT] = 0
     covered = inside(frame.lattice, where)
     score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
-    return Seen(covered, np.asarray(score - hindrance(frame.lattice, where, covered), np.float32), np.stack(planes))
+    score -= _unlike(frame, pixels) + hindrance(frame.lattice, where, covered)
+    return Seen(covered, np.asarray(score, np.float32), np.stack(planes))
+
+
+def _unlike(frame: FrameWarp, pixels: Lattice) -> Lattice | np.float32:
+    """What a frame loses at its pixels (h, w, 2) for light unlike that of most frames there."""
+    if frame.painted.light is None:
+        return np.float32(0)
+    size = np.abs(frame.painted.light.grid.mean(axis=2)) * np.float32(UNLIKE)
+    return np.asarray(sampled(size, places_in(pixels, frame.lattice, size.shape)), np.float32)
 
 
 def contrasts_at(

@@ -2,12 +2,14 @@
 
 The picture is made of counts alone, in one range for all frames of a camera (`render.counts_range`); what the originals' tags say
 of counts only gives that range its words, here and in exports, and is said only where all frames of the island say the same.
-Colours of a palette are each frame's own and have no scale: that is said instead.
+Colours of a palette are each frame's own and have no scale: that is said instead, with the bar of colours that frames bear as
+their legend.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
@@ -18,11 +20,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.frames.temperature import CountUnit, likely_unit, units_told
+from gcs_mosaic.frames.temperature import CountUnit, Unit, likely_unit, units_told
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.light_field import nodes
 from gcs_mosaic.render.render_list import RenderItem, log_tones
-from gcs_mosaic.stitch.arrays import Matrix, Vector
+from gcs_mosaic.stitch.arrays import Bands, Matrix, Vector
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.originals import place_of
 
@@ -50,8 +52,11 @@ class ThermalScale:
 
     kind: Kind
     unit: Annotated[str, "°C, or counts; empty for a palette"]
-    values: Annotated[Sequence[float], "at even steps of the bar"]
-    colours: Annotated[Sequence[str], "of the bar at these values, as #rrggbb"]
+    values: Annotated[Sequence[float], "at even steps of the bar; none of a palette"]
+    colours: Annotated[
+        Sequence[str],
+        "of the bar, as #rrggbb: at these values, or of a palette from cold to hot if its frames bear a bar",
+    ]
     within: Annotated[
         float | None,
         "in the unit: 95 % of what frames show, from the darkest to the brightest, is no farther beside the scale, by gains, "
@@ -65,7 +70,7 @@ class RangeOfCounts:
 
     display: Display
     shown: Sequence[RenderItem]
-    unit: CountUnit | None
+    unit: Unit | None
     is_whole: bool = True  # all originals could be asked for their unit
 
     @property
@@ -138,24 +143,44 @@ class ThermalScales:
         for at in tried:
             with suppress(_NotNow):
                 found_ones.append(self._palette(small[at].number))
-        scale = ThermalScale("palette", "", (), (), None) if 2 * sum(found_ones) > len(tried) else None
-        return scale, len(found_ones) == len(tried)
+        is_whole = len(found_ones) == len(tried)
+        if 2 * sum(found_ones) <= len(tried):
+            return None, is_whole
+        try:
+            legend = self._legend([small[at].number for at in tried])
+        except _NotNow:
+            legend, is_whole = [], False
+        return ThermalScale("palette", "", (), legend, None), is_whole
 
     def _is_palette(self, number: int) -> bool:
         """Raises _NotNow."""
+        from gcs_mosaic.render.exposure import is_false_colour  # only once somebody asks
+
+        display, image = self._original(number, 4)
+        return display.fits(image) and is_false_colour(display.levels(image))
+
+    def _legend(self, numbers: Sequence[int]) -> list[str]:
+        """The colours that frames bear as a bar, from cold to hot. Raises _NotNow."""
+        from gcs_mosaic.views.palette_legend import legend_in  # only once somebody asks
+
+        taken = [self._original(number, 1) for number in numbers]
+        pictures = [display.picture(image) for display, image in taken if display.fits(image)]
+        return [_hex(*colour) for colour in legend_in(pictures)]
+
+    def _original(self, number: int, reduction: int) -> tuple[Display, Bands]:
+        """How a frame is displayed, and its pixels. Raises _NotNow."""
         from gcs_mosaic.frames.decode import Unreadable  # only once somebody asks
-        from gcs_mosaic.render.exposure import is_false_colour
         from gcs_mosaic.views.decoding import original_pixels
 
         record, painted = self._view.frame(number), self._view.painted(number)
         if record is None or painted is None:
             raise _NotNow
-        image = original_pixels(self._view, record, 4)
+        image = original_pixels(self._view, record, reduction)
         if isinstance(image, Unreadable):
             raise _NotNow
-        return painted.display.fits(image) and is_false_colour(painted.display.levels(image))
+        return painted.display, image
 
-    def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[CountUnit, ...]:
+    def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[Unit, ...]:
         """What an original says. Raises _NotNow if it is not there."""
         path = place_of(self._view.root, original) if original is not None else None
         if path is None:
@@ -168,25 +193,32 @@ class ThermalScales:
 
 
 def common_unit(view: FlightView, islands: Sequence[int]) -> CountUnit | None:
-    """What the counts of some islands are, if all say the same. Raises UsageError."""
+    """What the counts of some islands are, if all say the same and it is one that files can bear. Raises UsageError."""
     scales = ThermalScales(view)
     ranges = [scales.counts_of(island) for island in islands]
     units = {None if one is None else one.unit for one in ranges}
-    return units.pop() if len(units) == 1 else None
+    unit = units.pop() if len(units) == 1 else None
+    return unit if isinstance(unit, CountUnit) else None
 
 
 def scale_of(found: RangeOfCounts) -> ThermalScale:
-    """In degrees where the camera tells them, else in counts."""
-    unit = found.unit or CountUnit(1.0, 0.0)
+    """In degrees where the camera tells them for all that is shown, else in counts."""
     levels = np.linspace(0, 255, TICKS)
     greys = np.rint(np.repeat(levels[:, None], 3, axis=1)).astype(np.uint8)[:, None]
-    colours = [f"#{red:02x}{green:02x}{blue:02x}" for ((blue, green, red),) in found.display.lightened(greys).tolist()]
-    values = [round(unit.celsius(count), 2) for count in found.counts(levels).tolist()]
-    beside = [_beside(found.counts(levels), one) for one in found.shown]
-    within = round(unit.per_count * float(np.quantile(beside, USUAL)), 2)
-    if found.unit is None:
-        return ThermalScale("counts", "counts", values, colours, within)
-    return ThermalScale("temperature", "°C", values, colours, within)
+    colours = [_hex(*colour) for (colour,) in found.display.lightened(greys).tolist()]
+    counts = found.counts(levels)
+    has_degrees = found.unit is not None and all(math.isfinite(found.unit.celsius(one)) for one in counts.tolist())
+    unit = found.unit if found.unit is not None and has_degrees else CountUnit(1.0, 0.0)
+    values = [round(unit.celsius(count), 2) for count in counts.tolist()]
+    steps = np.array([unit.step(count) for count in counts.tolist()])
+    beside = [_beside(counts, one) * steps for one in found.shown]
+    within = round(float(np.quantile(beside, USUAL)), 2)
+    kind: Kind = "temperature" if has_degrees else "counts"
+    return ThermalScale(kind, "°C" if has_degrees else "counts", values, colours, within)
+
+
+def _hex(blue: int, green: int, red: int) -> str:
+    return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 def _tried(count: int) -> list[int]:

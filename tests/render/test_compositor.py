@@ -15,6 +15,7 @@ from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.frame_warp import FrameWarp, frame_warp
+from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField
 from gcs_mosaic.render.pixels import FramePicture
 from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.render_list import RenderItem, TileKey
@@ -62,9 +63,11 @@ def random_frame(rng: random.Random, order: int) -> RenderItem:
     gain = rng.choice([(1.0, 1.0, 1.0), (1.1, 0.95, 1.3)])
     relief = rng.choice([None, hilly(rng.randrange(9))])
     vignetting = rng.choice([FLAT, ((0.1, -0.3, 0.05), (0.0, -0.2, 0.0), (0.0, -0.4, 0.1))])
+    steps = np.random.default_rng(rng.randrange(9)).integers(-60, 60, (ROWS, COLUMNS, 3), np.int8)
+    light = rng.choice([None, LightField(steps.tobytes())])
     yaw, pitch = rng.uniform(-3, 3), rng.uniform(-0.3, 0.3)
     dead = rng.choice([NO_BORDER, DeadBorder(0, 12, 1, 3)])
-    looks: dict[str, Any] = {"gain": gain, "vignetting": vignetting, "relief": relief, "dead": dead}
+    looks: dict[str, Any] = {"gain": gain, "vignetting": vignetting, "relief": relief, "dead": dead, "light": light}
     return painted(order, x, y, gsd=gsd, yaw=yaw, pitch=pitch, **looks)
 
 

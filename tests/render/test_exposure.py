@@ -19,6 +19,7 @@ from gcs_mosaic.render.exposure import (
     rolled_off,
 )
 from gcs_mosaic.stitch.arrays import Vector
+from tests.benchmarks.recorded import SHARED
 from tests.sure import sure
 
 
@@ -153,6 +154,31 @@ def test_ground_of_one_hue_is_no_palette(tint: tuple[float, float, float]) -> No
     brightness = np.random.default_rng(4).integers(20, 180, (60, 96, 1))
     assert not is_false_colour((brightness * tint).astype(np.uint8))
     assert not is_false_colour((brightness * np.ones(5)).astype(np.float32))
+
+
+@pytest.mark.parametrize("palette", ["VIRIDIS", "INFERNO", "PLASMA", "MAGMA", "TURBO"])
+@pytest.mark.parametrize("part", [(60, 130), (110, 200)], ids=["its lower half", "its upper half"])
+def test_a_part_of_a_palette_is_one_too(palette: str, part: tuple[int, int]) -> None:
+    """As over ground that is much alike, beside something hot or cold in the frame."""
+    rng = np.random.default_rng(4)
+    soft = cv2.GaussianBlur(rng.normal(size=(180, 240)), (0, 0), 4)
+    grey = np.clip(np.interp(soft / soft.std(), [-2, 2], part), 0, 255).astype(np.uint8)
+    picture = cv2.applyColorMap(grey, getattr(cv2, f"COLORMAP_{palette}"))
+    done, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])
+    assert done
+    assert is_false_colour(sure(cv2.imdecode(data, cv2.IMREAD_COLOR)).astype(np.uint8))
+
+
+@pytest.mark.parametrize("flight", ["brighton", "jwcate"])
+def test_colourful_ground_is_no_palette(flight: str) -> None:
+    """Nor would it be with a fifth more colour."""
+    folder = SHARED / flight
+    if not folder.exists():
+        pytest.skip("recorded flights are not beside the project")
+    small = sure(cv2.imread(str(sorted(folder.glob("*.[jJ]*"))[3]), cv2.IMREAD_REDUCED_COLOR_8))
+    grey = small.mean(axis=2, keepdims=True)
+    for factor in (1.0, 1.2):
+        assert not is_false_colour(np.clip(grey + factor * (small - grey), 0, 255).astype(np.uint8))
 
 
 def test_grey_stays_grey() -> None:

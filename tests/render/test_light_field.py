@@ -11,7 +11,7 @@ from painting_parts import painted
 from gcs_mosaic.render.brightness import Brightness
 from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.frame_warp import frame_warp
-from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField, at_places
+from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField, at_places, lacking, own_weight
 from gcs_mosaic.render.render_list import RenderItem, brightness_apart
 from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import FloatRows, Levels
@@ -75,6 +75,16 @@ def test_a_white_balance_that_flips_is_evened_out() -> None:
     cast = [np.array([0.0, 0.15, -0.15]) * (-1) ** order for order in range(16)]
     shown = np.array([cast[k] + made(one)[0] for k, one in enumerate(flown(16, lambda order: cast[order]))])
     assert np.abs(np.diff(shown[2:-2], axis=0)).max() < 0.25 * 0.3
+
+
+@pytest.mark.parametrize("unlike", [0.3, -0.4])
+def test_the_light_of_most_frames_is_the_common_one(unlike: float) -> None:
+    """Five frames see the same ground, one of them in another light: it is laid on the others, which hardly give way."""
+    weight = own_weight(0.75)
+    others = [(weight, np.full((ROWS * COLUMNS, 3), tone, np.float32)) for tone in (0.0, 0.0, 0.0, unlike)]
+    usual, odd = lacking(0.75, others), lacking(0.75, [(weight, tone - unlike) for _, tone in (*others[:3], others[0])])
+    assert np.abs(at_places(usual, MIDDLE)).max() < abs(unlike) / 8  # a fifth, were it the mean
+    np.testing.assert_allclose(at_places(odd, MIDDLE), -unlike, atol=abs(unlike) / 8)
 
 
 def test_what_drifts_over_many_frames_stays_as_it_was_taken() -> None:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,9 @@ from gcs_mosaic.render.blend_maps import BEYOND
 from gcs_mosaic.render.cells import WHOLLY, Cells, Seen, lay_over, unknown
 from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import PLAIN
-from gcs_mosaic.render.seams import CLIPPED, FAR, KEPT, LOOK, NEAR, THINGS, decide, look_for_seams
+from gcs_mosaic.render.frame_warp import frame_warp
+from gcs_mosaic.render.light_field import COLUMNS, ROWS, STEPS, LightField
+from gcs_mosaic.render.seams import CLIPPED, FAR, KEPT, LOOK, NEAR, THINGS, UNLIKE, decide, look_for_seams, see
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -120,6 +124,21 @@ def side_by_side(pictures: list[np.ndarray], apart: int) -> np.ndarray:
             canvas.paint(picture, painted(order, 320.0 + apart * order, 240.0, camera=camera))
         width = apart * (len(pictures) - 1) + 640
         return map_of(canvas, -(-width // 256))[16:464, 16 : width - 16]
+
+
+def score_in(brighter: float) -> float:
+    """A frame's median score where its light is so much brighter than that of most frames, which its field takes out."""
+    camera, ground = Camera(640, 480, focal=1.2), np.random.default_rng(6).normal(90, 6, (480, 640, 3))
+    field = LightField(np.full((ROWS, COLUMNS, 3), -round(brighter * STEPS), np.int8).tobytes())
+    frame = sure(frame_warp(replace(painted(0, 320.0, 240.0, camera=camera), light=field)))
+    maps = look_for_seams(np.rint(ground * np.exp(brighter)).astype(np.uint8), (PLAIN, NO_BORDER))
+    found = see(frame, maps, frame.window)
+    return float(np.median(found.score[found.inside == WHOLLY]))
+
+
+@pytest.mark.parametrize("brighter", [0.3, -0.3])
+def test_a_frame_in_another_light_than_most_counts_less(brighter: float) -> None:
+    assert score_in(0.0) - score_in(brighter) == pytest.approx(UNLIKE * 0.3, abs=0.15)
 
 
 def test_a_sun_glint_is_shown_from_the_frame_that_has_it_elsewhere() -> None:

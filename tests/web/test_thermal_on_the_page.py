@@ -15,6 +15,7 @@ from gcs_mosaic.render.display import Display
 from gcs_mosaic.store.disk import write_beside
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.views.thermal_scale import ThermalScale, ThermalScales
 from tests.sure import sure
 from tests.web.browser import CHROMIUM, Page
 from tests.web.served import served
@@ -96,3 +97,22 @@ def test_the_bar_shows_and_the_switch_makes_haze_clearer_without_borders_of_tile
     page.evaluate("document.getElementById('look-plain').click()")
     np.testing.assert_array_equal(seen(page, tmp_path / "again.png"), before)
     assert page.complaints == []
+
+
+@pytest.mark.long
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no browser here")
+def test_the_legend_of_a_palette_is_shown_from_cold_to_hot(
+    url: str, page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page alone is looked at: what it is told stands in for a flight of palette pictures."""
+    legend = ThermalScale("palette", "", (), ("#000020", "#8c0020", "#fa8c14", "#ffffff"), None)
+    monkeypatch.setattr(ThermalScales, "of", lambda self, island: (1, legend))
+    page.open(url)
+    page.wait_for("!document.getElementById('thermal').hidden")
+    said = page.evaluate("document.getElementById('thermal').innerText").split("\n")
+    assert said[0] == "Colours of a palette"
+    assert said[1:3] == ["colder", "warmer"]
+    assert "one colour is not one temperature" in said[-1]
+    bar = page.evaluate("getComputedStyle(document.querySelector('#thermal i')).backgroundImage")
+    assert bar.startswith("linear-gradient(90deg, rgb(0, 0, 32), rgb(140, 0, 32)")
+    page.screenshot(tmp_path / "legend.png")

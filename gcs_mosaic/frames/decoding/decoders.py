@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from gcs_mosaic.frames.decode import Unreadable, bytes_of, decode_whole
+from gcs_mosaic.frames.decode import Unreadable, bytes_of, counts_instead, decode_whole
 from gcs_mosaic.frames.decoding.limits import DecodeSettings, allowance, machine_memory, refusal
 from gcs_mosaic.frames.decoding.process import WHAT, DecoderProcess, Job, ProcessEnded
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
@@ -67,7 +67,7 @@ class Decoders:
         if isinstance(whole, NotWhole):
             return Unreadable(whole.reason)
         if (content_hash, reduction) in self._known:
-            return decode_whole(data, whole, reduction, is_proven=True)
+            return counts_instead(data, decode_whole(data, whole, reduction, is_proven=True), whole, reduction)
         refused = refusal(whole, self._largest, self._memory_bytes, self._settings)
         if refused is not None:
             return Unreadable(refused, passing=True)

@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 import cv2
 import numpy as np
 
-from gcs_mosaic.frames.decode import Unreadable, decode_whole
+from gcs_mosaic.frames.decode import Unreadable, counts_instead, decode_whole
 from gcs_mosaic.frames.decoding.channel import DecoderChannel
 from gcs_mosaic.frames.decoding.complaints import Complaints, cut_short
 from gcs_mosaic.frames.decoding.limits import Allowance
@@ -61,6 +61,7 @@ def _tried(request: Message, data: bytes, complaints: Complaints) -> Bands | Mes
             found = decode_whole(data, whole, request["reduction"])
             said = complaints.take()
             cut = None if isinstance(found, Unreadable) else cut_short(data, whole, found, said, request["reduction"])
+            found = counts_instead(data, found, whole, request["reduction"])
     except MemoryError:
         return {"reason": f"cannot be decoded within {allowed.memory_bytes / 1e9:.1f} GB of memory", "passing": True}
     except Exception as error:  # whatever a library may raise

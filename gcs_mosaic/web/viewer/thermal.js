@@ -42,9 +42,15 @@ export class Thermal {
     title.textContent = scale.kind === "temperature" ? t("Temperature, {unit}", { unit: scale.unit }) : scale.kind === "counts" ? t("Counts of the camera") : t("Colours of a palette");
     bar.hidden = !scale.colours.length;
     bar.style.background = scale.colours.length ? `linear-gradient(90deg, ${scale.colours.join(", ")})` : "";
-    values.replaceChildren(...scale.values.filter((_, at) => at % 2 === 0).map((value) => element("span", { textContent: written(scale, value) })));
+    values.replaceChildren(...wordsUnder(scale).map((textContent) => element("span", { textContent })));
     note.textContent = noteOf(scale);
   }
+}
+
+/** @param {Api.ThermalScale} scale */
+function wordsUnder(scale) {
+  if (scale.kind === "palette") return scale.colours.length ? [t("colder"), t("warmer")] : [];
+  return scale.values.filter((_, at) => at % 2 === 0).map((value) => written(scale, value));
 }
 
 /** Degrees with a digit behind the point only where the scale is so short that it says something. */
