@@ -71,6 +71,16 @@ class NotesChange:
 
 
 @dataclass(frozen=True, slots=True)
+class Alive:
+    """An event `alive` of /live: there is no change, and the connection is whole."""
+
+    @property
+    def event(self) -> str:
+        """The server-sent event."""
+        return f"event: alive\ndata: {compact(self)}\n\n"
+
+
+@dataclass(frozen=True, slots=True)
 class Farewell:
     """An event `ended` of /live: the server ends."""
 

@@ -10,12 +10,14 @@ from aiohttp import web
 from gcs_mosaic.store.revision import last_revision
 from gcs_mosaic.web.address_quota import AddressQuota, origin_of
 from gcs_mosaic.web.api.operations import JsonLines, Operations, Reply
-from gcs_mosaic.web.change import Change, ChangeEntry, Farewell, NotesChange
+from gcs_mosaic.web.change import Alive, Change, ChangeEntry, Farewell, NotesChange
 from gcs_mosaic.web.choosing import ROOT
 from gcs_mosaic.web.feed import Feed, News
 from gcs_mosaic.web.request_handler import TimedRequestHandler
 
-HEARTBEAT_S = 15.0  # keeps NAT entries alive, and detects pages that are gone
+HEARTBEAT_S = (
+    2.0  # tells a page that answers late from one that is lost; keeps NAT entries alive, detects pages that are gone
+)
 SEND_S = 20.0  # send timeout, after which a page is gone
 
 FEED = web.AppKey("feed", Feed)
@@ -28,8 +30,8 @@ OPERATIONS = Operations()
     "GET",
     "/live",
     Reply(
-        "Messages, and events `notes` and `ended`.",
-        JsonLines(("text/event-stream",), (ChangeEntry, NotesChange, Farewell)),
+        "Messages, and events `notes`, `alive` and `ended`.",
+        JsonLines(("text/event-stream",), (ChangeEntry, NotesChange, Alive, Farewell)),
     ),
     failures={503: "Too many pages are open."},
 )
@@ -54,8 +56,8 @@ async def live(request: web.Request) -> web.StreamResponse:
 
 
 async def send(response: web.StreamResponse, change: News | None) -> None:
-    """Send one change, or a heartbeat. Raises TimeoutError and ConnectionError when the page is gone."""
-    message = ": alive\n\n" if change is None else change.event
+    """Send one change, or a sign of life. Raises TimeoutError and ConnectionError when the page is gone."""
+    message = (change or Alive()).event
     async with asyncio.timeout(SEND_S):
         await response.write(message.encode())
 

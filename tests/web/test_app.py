@@ -218,7 +218,7 @@ def test_live_beats_while_nothing_happens(client: Client, monkeypatch: pytest.Mo
     monkeypatch.setattr(live_module, "HEARTBEAT_S", 0.05)
     live = Live(client)
     live.message()
-    assert live.line() == ": alive"
+    assert [live.line(), live.line()] == ["event: alive", "data: {}"]
     live.close()
 
 

@@ -33,7 +33,7 @@ SENTENCES = [
 BOXES = """(() => {
   const shown = (one) => one.checkVisibility({ visibilityProperty: true, opacityProperty: true });
   const controls = "button, select, input, textarea, a[href], summary";
-  const texts = "output, h2, h3, label, #side p, #legend, #scale-bar, #north, #alarm, #farewell, #state b, #state span";
+  const texts = "output, h2, h3, label, #side p, #legend, #thermal, #scale-bar, #north, #alarm, #farewell, #state b, #state span";
   const isElsewhere = (one) => one.closest(".leaflet-pane, dialog") !== null;
   const found = [...document.querySelectorAll(`${controls}, ${texts}`)].filter((one) => shown(one) && !isElsewhere(one));
   const cut = (one) => {
@@ -72,6 +72,13 @@ FAULTS = f"""(() => {{
   }});
   return faults;
 }})()"""
+THERMAL = """(() => {
+  const box = document.getElementById("thermal");
+  const texts = ["Temperatur, °C", "", "", 
+    "Wie die Kamera es sagt, ohne Emissionsgrad und Luft; 19 von 20 Pixeln liegen auf 1.49 °C daran."];
+  [...box.children].forEach((one, at) => { one.textContent = texts[at]; });
+  box.hidden = false;
+})()"""
 SHARE = """(({ left, top, right, bottom }) => (right - left) * (bottom - top) / (innerWidth * innerHeight))
 (document.getElementById("map").getBoundingClientRect())"""
 
@@ -142,7 +149,7 @@ def test_nothing_lies_over_anything_else(
 def test_what_is_shown_over_the_map_finds_its_place(
     page: Page, url: str, flight: SmallFlight, size: tuple[int, int]
 ) -> None:
-    """A layer's legend, a tool that points, a coordinate, a scale, north, and an answer, all at once; and the alarm."""
+    """A layer's legend, a thermal bar, a tool that points, a coordinate, a scale, north, an answer, all at once; the alarm."""
     told(flight, 4, 1)
     opened(page, url, size, "de")
     page.evaluate(
@@ -156,6 +163,7 @@ def test_what_is_shown_over_the_map_finds_its_place(
     ):
         page.evaluate(f"Object.assign(document.getElementById('{name}'), {{ hidden: false, textContent: '{text}' }})")
     page.evaluate("document.getElementById('scale-bar').style.width = '110px'")
+    page.evaluate(THERMAL)
     page.evaluate("document.getElementById('north').hidden = false")
     page.wait_for("!document.getElementById('legend').hidden && !document.getElementById('hint').hidden")
     assert page.evaluate(FAULTS) == []

@@ -111,7 +111,7 @@ def test_a_field_that_is_missing_and_other_kinds_and_states_are_found(operations
         (
             "/live",
             "text/event-stream",
-            b'event: notes\ndata: {"revision":3}\n\n: alive\n\nevent: ended\ndata: {}\n\n',
+            b'event: notes\ndata: {"revision":3}\n\nevent: alive\ndata: {}\n\nevent: ended\ndata: {}\n\n',
             0,
         ),
         ("/live", "text/event-stream", b'data: {"revision":3,"tiles":[[0,16,1,2]]}\n\n', 0),

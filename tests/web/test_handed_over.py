@@ -103,6 +103,20 @@ def test_a_find_is_told_in_a_message(with_find: Path, client: Client) -> None:
         assert client.status(path) == 404
 
 
+def test_a_find_is_told_in_a_code_however_long_it_is(root: Path, client: Client) -> None:
+    with closing(NotesBook(root)) as book:
+        binding = GroundFollower(FlightView(root)).bound(0, 30.0, 20.0)
+        for note in ("", "ö" * 900):
+            Finds(book).create(NewFind(kind="tent", label="", note=note, who="Kim", in_original=False, binding=binding))
+    sides = []
+    for number in (1, 2):
+        answer, body = client.ask(f"/api/v1/finds/{number}/code.svg")
+        assert answer.headers["Content-Type"].startswith("image/svg+xml")
+        sides.append(int(body.split(b'width="')[1].split(b'"')[0]))
+    assert 100 < sides[0] < sides[1] < 600
+    assert client.status("/api/v1/finds/9/code.svg") == 404
+
+
 def test_what_a_find_shows_is_a_picture_or_is_not_there(
     with_find: Path, client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -70,6 +70,17 @@ def is_up(client: Client) -> bool:
         return False
 
 
+def test_beside_many_busy_programs_the_page_gives_way_and_still_has_time_to_answer(
+    keeper: PageKeeper, client: Client
+) -> None:
+    """What Linux gives to a process by its niceness, beside five that want the same core: a twentieth of it or more, of which an
+    answer takes some ms; and half of what each of the others has, or less."""
+    until(lambda: is_up(client), "it is as nice as it is to be")
+    beside = 1.25 ** -(os.getpriority(os.PRIO_PROCESS, process_of(keeper)) - os.getpriority(os.PRIO_PROCESS, 0))
+    assert beside / (5 + beside) >= 0.05
+    assert beside <= 0.5
+
+
 @pytest.mark.long
 def test_changes_reach_the_page_through_the_process(keeper: PageKeeper, client: Client) -> None:
     live = Live(client)

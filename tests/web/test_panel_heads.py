@@ -12,11 +12,14 @@ import cv2
 import numpy as np
 import pytest
 
+from gcs_mosaic.store.status import AircraftStatus
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from tests.sure import sure
 from tests.web.browser import CHROMIUM, Page
 from tests.web.seen_flight import seen_flight
+from tests.web.served import served
+from tests.web.small_flight import SmallFlight
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
 
@@ -92,6 +95,17 @@ def test_night_is_red_in_legends_and_among_looks_too(page: Page, url: str, tmp_p
       document.querySelector("#originals-looks ol").innerHTML = "<li><button><span class='coming'></span></button></li>";
     })()""")
     assert colours(page, "#originals-looks span", tmp_path) == (True, True)
+
+
+def test_chips_of_aircraft_are_red_at_night(page: Page, flight: SmallFlight, tmp_path: Path) -> None:
+    page.resize(1366, 768)
+    flight.status(aircraft=tuple(AircraftStatus(system=system) for system in (1, 2, 3, 4)))
+    with served(flight.root) as own:
+        page.open(own)
+        page.wait_for("document.querySelectorAll('#fleet button').length === 4")
+        page.evaluate("document.documentElement.dataset.theme = 'night'")
+        assert colours(page, "#fleet", tmp_path) == (True, True)
+        page.open("about:blank")
 
 
 def colours(page: Page, what: str, folder: Path) -> tuple[bool, bool]:

@@ -27,6 +27,7 @@ from gcs_mosaic.web.api.common import BASE, SLOW_POOL, VIEW, answer, in_thread, 
 from gcs_mosaic.web.api.detection import MEASURING, outline_of
 from gcs_mosaic.web.api.finds import COT, ONE
 from gcs_mosaic.web.api.layers import TILES
+from gcs_mosaic.web.api.maps import as_svg
 from gcs_mosaic.web.api.notes import NOTES, IslandNumber, Notes, id_of
 from gcs_mosaic.web.api.operations import NO_NOTES, NO_NUMBER, Media, Operations, Reply
 from gcs_mosaic.web.api.scale import scales_of
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from gcs_mosaic.handover.cot_address import CotAddress
 
 OPERATIONS = Operations()
+LONGEST_CODE = 600  # bytes: more makes squares that a telephone does not tell apart
 LEAST_LOOKS = 2  # through trees
 FINDING_NAMES_S = 1.0  # what looking up a name, which has no limit of its own, may take beyond all that has one
 Pinned = tuple[Sequence[SetPin], bool]  # the pins, and whether positions may lay the map
@@ -168,6 +170,17 @@ async def message(request: web.Request) -> web.StreamResponse:
     one, view = await _find(request), request.app[VIEW]
     text = await in_thread(request, as_message, one, view.root.resolve().name, view)
     return tagged(request, text.encode("utf-8", "replace"), "text/plain", charset="utf-8")
+
+
+@OPERATIONS.add("GET", f"{ONE}/code.svg", Reply("The code.", Media(("image/svg+xml",))), failures=NO_NUMBER | NO_NOTES)
+async def code(request: web.Request) -> web.StreamResponse:
+    """A find's message as a QR code, without what is too long for one that a telephone reads from a screen."""
+    from gcs_mosaic.handover.message import as_message
+
+    one, view = await _find(request), request.app[VIEW]
+    text = await in_thread(request, as_message, one, view.root.resolve().name, view)
+    short = text.encode("utf-8", "replace")[:LONGEST_CODE].decode("utf-8", "ignore")
+    return web.Response(text=await in_thread(request, as_svg, short), content_type="image/svg+xml")
 
 
 @OPERATIONS.add(

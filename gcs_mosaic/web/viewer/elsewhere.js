@@ -2,6 +2,7 @@
 // On other maps: for each ground station the address to paste, a code to scan, and what is to be known of it there.
 
 import { byId, element } from "/viewer/dom.js";
+import { copied } from "/viewer/handing.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
@@ -134,18 +135,6 @@ class Station {
   loadCode() {
     const { address, code = address } = this.station;
     this.code.src = `/api/v1/maps/codes/${code}.svg`;
-  }
-}
-
-/** Over plain HTTP browsers have no clipboard but for this machine's own pages; then as in former times. */
-async function copied(field) {
-  try {
-    await navigator.clipboard.writeText(field.value);
-    return true;
-  } catch {
-    field.focus();
-    field.select();
-    return document.execCommand("copy");
   }
 }
 

@@ -3,6 +3,7 @@
 
 import { send, setWho, trying, who } from "/viewer/api.js";
 import { byId, element, focusedIn } from "/viewer/dom.js";
+import { handOver } from "/viewer/handing.js";
 import { openPanel } from "/viewer/panels.js";
 import { ChosenPlace } from "/viewer/pointing.js";
 import { fetchDocument } from "/viewer/server.js";
@@ -89,7 +90,8 @@ export class Finds {
     const go = button("Show", () => this.goTo(find));
     go.dataset.find = find.id;
     const atak = this.sendsCot && find.geo ? [button("Send to ATAK", () => this.send(find))] : [];
-    return element("li", {}, ...picture, text, element("div", { className: "row" }, go, button("Original", () => this.open(find)),
+    const give = button("Hand over", () => handOver(find.id));
+    return element("li", {}, ...picture, text, element("div", { className: "row" }, go, button("Original", () => this.open(find)), give,
       button("Edit", () => this.edit(find)), button("Delete", () => this.remove(find)), ...atak));
   }
 
@@ -133,6 +135,7 @@ export class Finds {
   fill(find) {
     for (const name of ["label", "kind", "note"]) this.form.elements[name].value = find[name];
     this.form.hidden = false;
+    this.form.scrollIntoView({ block: "end" }); // on a phone its last line would lie below
     this.form.elements.label.focus();
   }
 

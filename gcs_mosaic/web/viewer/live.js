@@ -14,12 +14,17 @@ export class Live {
    * `onNotes`: somebody has added something; `onEnded`: the server says farewell; what it has can be read for two more seconds.
    * @param {(change: Api.Change) => void} onChange
    * @param {() => void} onEnded
+   * `onSign`: the server is there: whatever has come, and each two seconds where there is nothing else to tell.
+   * @param {(change: Api.Change) => void} onChange
+   * @param {() => void} onEnded
    * @param {() => void} onNotes
+   * @param {() => void} onSign
    */
-  constructor(onChange, onEnded, onNotes) {
+  constructor(onChange, onEnded, onNotes, onSign) {
     this.onChange = onChange;
     this.onEnded = onEnded;
     this.onNotes = onNotes;
+    this.onSign = onSign;
     this.retryMs = FIRST_RETRY_MS;
     this.resting = 0;
     document.addEventListener("visibilitychange", () => this.followSight());
@@ -47,6 +52,7 @@ export class Live {
     this.source.onopen = () => Object.assign(this, { isOpen: true, hasEnded: false, retryMs: FIRST_RETRY_MS });
     this.source.onmessage = (message) => this.onChange(JSON.parse(message.data));
     this.source.addEventListener("notes", () => this.onNotes?.());
+    for (const sign of ["open", "message", "notes", "alive"]) this.source.addEventListener(sign, () => this.onSign());
     this.source.addEventListener("ended", () => this.end());
     this.source.onerror = () => {
       this.isOpen = false;

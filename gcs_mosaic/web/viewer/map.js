@@ -5,7 +5,7 @@ import { byId } from "/viewer/dom.js";
 import { isOutOfKept } from "/viewer/kept.js";
 import { Layers } from "/viewer/layers.js";
 import { outlineLayer, outlineOf } from "/viewer/outline.js";
-import { LiveTiles, affectedBy } from "/viewer/tiles.js";
+import { LiveTiles, affectedBy, retryAll } from "/viewer/tiles.js";
 import { Turn } from "/viewer/turn.js";
 import { t } from "/viewer/words.js";
 
@@ -81,7 +81,7 @@ export class MosaicMap {
 
   /** While the server is away nothing is moved by us: what is not loaded could not be shown. */
   setAway(isAway) {
-    if (this.isAway && !isAway) this.layer?.retryFailed();
+    if (this.isAway && !isAway) retryAll();
     this.isAway = isAway;
   }
 

@@ -3,12 +3,19 @@
 
 import { noteSource } from "/viewer/kept.js";
 
-const TIMEOUT_MS = 4000;
 const LOST_AFTER_MS = 5000;
+const STATE = /^\/(status|mosaic)[.]json$/; // asked for each second
+const FIRST_PATIENCE_MS = 4000; // for the state: a network that has changed leaves a question without an answer for ever
+const LONGEST_PATIENCE_MS = 16000; // a busy machine that takes longer than the first would never be heard
+const QUESTION_MS = 20000;
+const WITHOUT_BODY = [204, 205, 304];
 
 let wasAnswered = false; // by the server, not out of what was kept
 let sawKept = false; // since the last attempt began
 let clockOffsetMs = 0; // server's clock minus this device's: a tablet's clock may be minutes off
+let patienceMs = FIRST_PATIENCE_MS;
+/** @type {Set<AbortController>} the questions that are not answered */
+const asked = new Set();
 
 /** The moment on the server's clock, ms since 1970. */
 export function serverNow() {
@@ -41,7 +48,7 @@ export async function fetchLines(path) {
 }
 
 async function answerTo(path) {
-  const response = await fetch(path, { signal: AbortSignal.timeout(TIMEOUT_MS) });
+  const response = STATE.test(path) ? await stateAt(path) : await within(QUESTION_MS, path);
   if (noteSource(response, wasAnswered)) sawKept = true;
   else wasAnswered = true;
   const date = sawKept ? NaN : Date.parse(response.headers.get("Date"));
@@ -52,9 +59,43 @@ async function answerTo(path) {
   return response;
 }
 
+async function stateAt(path) {
+  try {
+    const response = await within(patienceMs, path);
+    patienceMs = FIRST_PATIENCE_MS;
+    return response;
+  } catch (error) {
+    if (error.name === "TimeoutError") patienceMs = Math.min(2 * patienceMs, LONGEST_PATIENCE_MS);
+    throw error;
+  }
+}
+
+/** The answer with all that belongs to it. The worker that keeps the page waits as long (see sw.js). */
+async function within(timeMs, path) {
+  const ending = new AbortController();
+  const late = setTimeout(() => ending.abort(new DOMException(`no answer in ${timeMs} ms`, "TimeoutError")), timeMs);
+  asked.add(ending);
+  try {
+    const response = await fetch(path, { signal: ending.signal, headers: { "X-Patience": `${timeMs}` } });
+    const whole = await response.arrayBuffer();
+    const { status, statusText, headers } = response;
+    return new Response(WITHOUT_BODY.includes(status) ? null : whole, { status, statusText, headers });
+  } finally {
+    clearTimeout(late);
+    asked.delete(ending);
+  }
+}
+
+/** Ask anew whatever was asked of a connection that is gone. */
+function giveUp() {
+  patienceMs = FIRST_PATIENCE_MS;
+  for (const one of asked) one.abort(new DOMException("the connection was lost", "AbortError"));
+}
+
 /** Remembers when the server last answered. */
 export class Connection {
   lastAnswer = Date.now();
+  lastSign = Date.now(); // an answer, or anything else that it has sent
   isRefused = false; // the server answers, but not to this device
 
   /** Run something that talks to the server; a failure only shows in `lostForSeconds`. */
@@ -63,7 +104,8 @@ export class Connection {
       sawKept = false;
       await action();
       if (sawKept) return; // what was kept tells nothing of the server
-      this.lastAnswer = Date.now();
+      this.sign();
+      this.lastAnswer = this.lastSign;
       this.isRefused = false;
     } catch (error) {
       this.isRefused = error.status === 401;
@@ -71,9 +113,24 @@ export class Connection {
     }
   }
 
-  /** Seconds since the last answer, or 0 while that is short enough to be normal. */
-  lostForSeconds() {
-    const silent = Date.now() - this.lastAnswer;
-    return silent > LOST_AFTER_MS ? silent / 1000 : 0;
+  /** Something has come from it. */
+  sign() {
+    if (this.lostForSeconds()) giveUp();
+    this.lastSign = Date.now();
   }
+
+  /** Seconds since anything came from the server, or 0 while that is short enough to be normal. */
+  lostForSeconds() {
+    return since(Math.max(this.lastSign, this.lastAnswer));
+  }
+
+  /** Seconds since the last answer, of a server that may well be there, but is slow; or 0 as above. */
+  lateForSeconds() {
+    return since(this.lastAnswer);
+  }
+}
+
+function since(moment) {
+  const silent = Date.now() - moment;
+  return silent > LOST_AFTER_MS ? silent / 1000 : 0;
 }

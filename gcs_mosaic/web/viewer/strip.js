@@ -65,7 +65,7 @@ function showParts(mosaic, island, gaps) {
     : [frameCount(all)];
   if (gaps) texts.push(gaps === 1 ? t("1 gap") : t("{n} gaps", { n: gaps }));
   byId("parts").hidden = !all;
-  byId("parts").className = others > 0 ? "several" : "";
+  byId("parts").className = others > 0 ? "several" : gaps ? "gaps" : "";
   setText(byId("parts"), texts.join(", "));
 }
 
@@ -101,6 +101,8 @@ function stateOf(status, mosaic, connection, lagSeconds) {
     const alarm = `${t("No connection to gcs-mosaic for {time}.", { time: duration(lostSeconds) })} ${asOf}`;
     return { kind: "bad", title: t("No connection"), detail: forTime(lostSeconds), alarm };
   }
+  const lateSeconds = connection.lateForSeconds();
+  if (lateSeconds) return { kind: "warn", title: t("Answers late"), detail: `${forTime(lateSeconds)}. ${asOf}` };
   if (lagSeconds > LATE_AFTER_S) {
     const time = duration(lagSeconds);
     const alarm = t("The map is older than what gcs-mosaic has: its changes have not come for {time}.", { time });

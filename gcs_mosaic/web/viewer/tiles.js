@@ -1,6 +1,9 @@
 // @ts-check
 // A tile layer that exchanges single tiles when they have changed, and never takes away what is shown before the new is there.
 
+// A browser has six connections to a server: one brings changes, and where tiles had all the others, the state of the flight would
+// wait behind the slowest of them. So many of the map, and as many of what lies over it, are loaded at once.
+const MOST_AT_ONCE = 2;
 const FIRST_RETRY_MS = 1000;
 const LONGEST_RETRY_MS = 15000;
 
@@ -20,6 +23,41 @@ export function affectedBy(painted) {
   };
 }
 
+/** So many are loaded at once; the others wait for their turn. */
+class Turns {
+  constructor(most) {
+    this.free = most;
+    /** @type {(() => void)[]} */
+    this.waiting = [];
+  }
+
+  /** Do something when it is its turn, unless it is not wanted any more by then. */
+  async take(isWanted, action) {
+    if (this.free) this.free--;
+    else await new Promise((begin) => this.waiting.push(() => begin(undefined)));
+    try {
+      if (isWanted()) await action();
+    } finally {
+      const next = this.waiting.shift();
+      if (next) next();
+      else this.free++;
+    }
+  }
+}
+
+const turns = { map: new Turns(MOST_AT_ONCE), over: new Turns(MOST_AT_ONCE) };
+const shown = new Set(); // the layers
+
+/** Ask at once for all that has failed, or was asked of a connection that is gone: there is one again. */
+export function retryAll() {
+  for (const layer of shown) layer.retry();
+}
+
+function decoded(image, path) {
+  image.src = path;
+  return image.decode();
+}
+
 /** @type {any} Leaflet's own way to make a class, and its inner methods, are in no types */
 const { GridLayer } = L;
 
@@ -32,7 +70,7 @@ export const LiveTiles = GridLayer.extend({
     this.island = island;
     this.revision = revision;
     this.onShown = onShown;
-    this.coming = new Map(); // what each tile's element waits for: { image, retryMs, timer }
+    this.coming = new Map(); // what each tile's element waits for: { image, timer, again, end }
   },
 
   /** Without `viewprereset`, at which Leaflet would throw all tiles away: those of another level stay until they are replaced. */
@@ -52,17 +90,20 @@ export const LiveTiles = GridLayer.extend({
   async bring(holder, coords, onFirst, retryMs = FIRST_RETRY_MS) {
     this.cancel(holder);
     const image = new Image();
-    const wait = { image, retryMs, again: () => this.bring(holder, coords, onFirst, Math.min(2 * retryMs, LONGEST_RETRY_MS)) };
+    const again = () => this.bring(holder, coords, onFirst, Math.min(2 * retryMs, LONGEST_RETRY_MS));
+    const wait = { image, again, end: () => {}, timer: 0 };
+    const ended = new Promise((end) => (wait.end = () => end(undefined)));
     this.coming.set(holder, wait);
     image.alt = "";
-    image.src = this.path(this.island, coords, this.revision);
+    const path = this.path(this.island, coords, this.revision);
+    const isWanted = () => this.coming.get(holder) === wait;
     try {
-      await image.decode();
+      await turns[this.options.tileClass ? "over" : "map"].take(isWanted, () => Promise.race([decoded(image, path), ended]));
     } catch {
-      if (this.coming.get(holder) === wait) this.fail(holder, wait);
+      if (isWanted()) this.fail(holder, wait, retryMs);
       return;
     }
-    if (this.coming.get(holder) !== wait) return; // a newer one was asked for, or the tile has gone
+    if (!isWanted()) return; // a newer one was asked for, or the tile has gone
     this.coming.delete(holder);
     holder.classList.remove("not-loaded", "on-its-way");
     holder.replaceChildren(image);
@@ -71,13 +112,17 @@ export const LiveTiles = GridLayer.extend({
   },
 
   /** What was shown stays; where nothing was, "not loaded" is drawn, which is not "not seen". */
-  fail(holder, wait) {
+  fail(holder, wait, retryMs) {
     holder.classList.add("not-loaded");
-    wait.timer = setTimeout(wait.again, wait.retryMs);
+    wait.timer = setTimeout(wait.again, retryMs);
   },
 
   cancel(holder) {
-    clearTimeout(this.coming.get(holder)?.timer);
+    const wait = this.coming.get(holder);
+    if (!wait) return;
+    clearTimeout(wait.timer);
+    wait.image.removeAttribute("src"); // its connection is for others
+    wait.end(); // and its turn: some browsers never tell that it does not come
     this.coming.delete(holder);
   },
 
@@ -87,13 +132,18 @@ export const LiveTiles = GridLayer.extend({
     GridLayer.prototype._removeTile.call(this, key);
   },
 
-  /** Ask at once for all that has failed: the connection is back. */
-  retryFailed() {
-    for (const wait of [...this.coming.values()]) {
-      if (wait.timer === undefined) continue;
-      clearTimeout(wait.timer);
-      wait.again();
-    }
+  onAdd(map) {
+    shown.add(this);
+    return GridLayer.prototype.onAdd.call(this, map);
+  },
+
+  onRemove(map) {
+    shown.delete(this);
+    GridLayer.prototype.onRemove.call(this, map);
+  },
+
+  retry() {
+    for (const wait of [...this.coming.values()]) wait.again();
   },
 
   /** Fetch those visible tiles again that `isAffected` names. */

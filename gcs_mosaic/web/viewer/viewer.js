@@ -152,6 +152,7 @@ const live = new Live(
   () => {
     for (const one of [...noted, opinions]) one.read(); // somebody has added something
   },
+  () => connection.sign(),
 );
 
 /** Ask for what nobody tells: the map must not stand still in silence. */
