@@ -6,6 +6,7 @@ import re
 import socket
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -263,8 +264,11 @@ def test_port_that_is_taken_is_said_with_a_way_out(client: Client, tmp_path: Pat
 
 def test_the_port_that_is_proposed_is_free(client: Client, tmp_path: Path) -> None:
     port = int(client.netloc.split(":")[1])
-    with socket.create_server(("127.0.0.1", port + 1)), pytest.raises(UsageError) as refused:
-        WebServer(tmp_path, HttpAddress("127.0.0.1", port)).start()
+    with ExitStack() as stack:
+        with suppress(OSError):  # another program has it: as well
+            stack.enter_context(socket.create_server(("127.0.0.1", port + 1)))
+        with pytest.raises(UsageError) as refused:
+            WebServer(tmp_path, HttpAddress("127.0.0.1", port)).start()
     proposed = re.search(r"choose --http 127\.0\.0\.1:(\d+),", str(refused.value))
     assert proposed is not None
     assert int(proposed[1]) > port + 1

@@ -49,7 +49,7 @@ from tests.web.test_notes_api import Writer
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
 
 SHOWN = "document.querySelectorAll('.leaflet-tile-loaded img').length > 0"
-SETTLED = "!document.querySelector('.leaflet-zoom-anim, .on-its-way, .leaflet-tile:not(.leaflet-tile-loaded)')"
+SETTLED = "!document.querySelector('.leaflet-zoom-anim, .leaflet-pan-anim, .on-its-way, .leaflet-tile:not(.leaflet-tile-loaded)')"
 BEHIND = "The map is 16 frames, 48 s behind: the newest are stitched first"
 SLIDE = """((value) => {
   const slider = document.getElementById("flight-slider");
@@ -184,6 +184,8 @@ def test_row_18_no_edge_of_a_tile_is_seen(page: Page, url: str, flight: SmallFli
         select = f"(s => {{ s.value = '{layer}'; s.dispatchEvent(new Event('change')); }})"
         page.evaluate(f"{select}(document.getElementById('layer'))")
         page.evaluate("document.getElementById('all').click()")
+        time.sleep(0.5)  # its animation: zoomed in meanwhile, it would end somewhere else
+        page.wait_for(SETTLED)
         for _ in range(5):  # from a quarter of a level to beyond the finest
             page.evaluate("document.querySelector('.leaflet-control-zoom-in').click()")
             time.sleep(0.5)  # its animation

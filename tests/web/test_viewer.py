@@ -82,6 +82,7 @@ def test_tiles_are_shown_and_exchanged_when_told(page: Page, url: str, feed: Fee
     page.open(url)
     page.wait_for(at(first, "red"))
     page.wait_for(at(far, "red"))
+    page.wait_for("!document.querySelector('.on-its-way, .leaflet-tile:not(.leaflet-tile-loaded)')")
     page.evaluate("window.sameDocument = [...document.querySelectorAll('.leaflet-tile img')].length")
     before = len(page.requests)
     flight.paint(first, GREEN)
