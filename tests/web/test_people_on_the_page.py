@@ -327,6 +327,7 @@ def test_what_was_seen_stays_viewable_without_the_server(page: Page, tmp_path: P
         page.wait_for("navigator.serviceWorker.controller !== null")
         someone = Person(page, url)  # by way of the worker now
         page.wait_for("caches.open('gcs-mosaic 1').then((kept) => kept.match('/mosaic.json')).then(Boolean)")
+        page.wait_for("!document.querySelector('.on-its-way')")
         server.stop()
         page.open("about:blank")
         page.open(url)

@@ -4,6 +4,7 @@
 
 const NAME = "gcs-mosaic 1";
 const MOST_TILES = 6000; // about 200 MB
+const QUARTER = 128; // px
 const LOOK_EVERY = 300; // tiles between two looks whether there are too many
 const ANSWER_MS = 4000;
 const DOCUMENTS = /^\/(status\.json|mosaic\.json|placements\.json|api\/v1\/(layers|finds|scale|anchors))$/;
@@ -61,7 +62,36 @@ async function tile(event) {
 }
 
 async function kept(pathname) {
-  return (await (await caches.open(NAME)).match(pathname)) ?? Response.error();
+  const cache = await caches.open(NAME);
+  return (await cache.match(pathname)) ?? (await ofFiner(cache, pathname)) ?? Response.error();
+}
+
+/** A tile of the four of the next finer level, marked where one is not kept; null if none is: it may have been seen from nearer. */
+async function ofFiner(cache, pathname) {
+  const [island, z, x, y] = pathname.match(/\d+/g).map(Number);
+  const places = [0, 1, 2, 3].map((n) => [n % 2, n >> 1]);
+  const found = await Promise.all(places.map(([right, down]) => cache.match(`/tiles/${island}/${z + 1}/${2 * x + right}/${2 * y + down}`)));
+  if (!found.some(Boolean) || typeof OffscreenCanvas === "undefined") return null;
+  const canvas = new OffscreenCanvas(2 * QUARTER, 2 * QUARTER);
+  const context = canvas.getContext("2d");
+  for (const [n, [right, down]] of places.entries()) {
+    const [left, top] = [right * QUARTER, down * QUARTER];
+    if (found[n]) context.drawImage(await createImageBitmap(await found[n].blob()), left, top, QUARTER, QUARTER);
+    else mark(context, left, top);
+  }
+  return new Response(await canvas.convertToBlob());
+}
+
+/** As the page marks what is not loaded. */
+function mark(context, left, top) {
+  for (const [radius, colour] of /** @type {[number, string][]} */ ([[4.5, "#fff"], [3.5, "#00458c"]])) {
+    context.fillStyle = colour;
+    for (let n = 0; n < 16; n++) {
+      context.beginPath();
+      context.arc(left + 16 + 32 * (n % 4), top + 16 + 32 * (n >> 2), radius, 0, 7);
+      context.fill();
+    }
+  }
 }
 
 async function store(pathname, response) {
