@@ -21,11 +21,21 @@ REFERENCE = "alpha (paper)"
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Quality]:
+    return flown(3)
+
+
+@pytest.fixture(scope="module")
+def crowds(found: dict[str, Quality]) -> list[Quality]:
+    """Three flights: whether a seam cuts one of forty places is chance."""
+    return [found[MODE], flown(4)[MODE], flown(5)[MODE]]
+
+
+def flown(seed: int) -> dict[str, Quality]:
     """Exposure steps of 2x, vignetting, people and vehicles that move, still marks of 6x6 px."""
     camera = Camera(exposure_step=2.0, step_every=3, vignetting=0.2)
     crowd = Crowd(people=10, vehicles=1, marks=8)
     route = Plan(frames=10, height=60)
-    flight = plan("survey", (640, 480), seed=3, world_size=2048, route=route, camera=camera, crowd=crowd)
+    flight = plan("survey", (640, 480), seed=seed, world_size=2048, route=route, camera=camera, crowd=crowd)
     return measured(simulated(flight), [MODE], PaintSettings(), count=4)
 
 
@@ -35,12 +45,15 @@ def test_overlaps_are_as_sharp_as_the_frame_that_sees_them_best(found: dict[str,
     assert found[REFERENCE].detail.kept < 0.95
 
 
-def test_people_and_vehicles_are_on_the_map_and_not_transparent(found: dict[str, Quality]) -> None:
+def test_people_and_vehicles_are_on_the_map_and_not_transparent(
+    found: dict[str, Quality], crowds: list[Quality]
+) -> None:
     """The goal is all eleven and none: one walks so slowly that its places touch, and the seams between them cut it."""
-    assert found[MODE].places > 20
-    assert len(found[MODE].movers) == 11
-    assert found[MODE].whole >= 10
-    assert found[MODE].transparent <= 1
+    places = sum(one.places for one in crowds)
+    assert places > 100
+    assert [len(one.movers) for one in crowds] == [11] * 3
+    assert min(one.whole for one in crowds) >= 10
+    assert sum(one.transparent for one in crowds) <= 0.03 * places
     assert found[REFERENCE].whole < 5
     assert found[REFERENCE].transparent > 5
 
