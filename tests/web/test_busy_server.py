@@ -14,7 +14,6 @@ from gcs_mosaic.views.tile_reader import filled
 from gcs_mosaic.web import documents, tiles
 from gcs_mosaic.web import live as live_module
 from tests.web.browser import CHROMIUM, Page
-from tests.web.served import served
 from tests.web.small_flight import SmallFlight
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
@@ -22,13 +21,6 @@ pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no 
 STATE = "document.getElementById('state').innerText"
 ASKED = "performance.getEntriesByType('resource').filter(({ name }) => name.includes('/status.json')).length"
 SLOW_S = 6.0  # longer than the page waits for an answer at first, and than anything may be silent
-
-
-@pytest.fixture
-def url(flight: SmallFlight, page: Page) -> Iterator[str]:
-    with served(flight.root) as address:
-        yield address
-        page.open("about:blank")
 
 
 @pytest.fixture

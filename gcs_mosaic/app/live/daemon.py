@@ -62,7 +62,7 @@ logger = logging.getLogger(__name__)
 WAIT_S = 0.2  # longest wait between checks for shutdown
 IDLE_AFTER_S = 10.0  # without a new frame: time to adjust everything and repaint moved frames
 LANDED_AFTER_S = (
-    20.0  # without a new frame: time to show the whole map as at the end, so that Ctrl-C has little left to do
+    20.0  # without a new frame: time to show the whole map as at the end; Ctrl-C then has little left to do
 )
 TAKE_IN_S = 0.5  # then accepted frames are processed before more are accepted
 CONNECT_SHARE = 4  # 1 / this share of the time left at the end may be spent on connecting islands

@@ -286,9 +286,12 @@ class Pipeline(Kept):
 
     def settle_in_a_pause(self) -> None:
         """Use a pause in which nothing is left to be adjusted: all frames get the brightness and places that they would have at
-        the end, and `repaint_some` shows it. Call `save` afterwards."""
+        the end, and `repaint_some` shows it; never raises. Call `save` afterwards."""
         with stage("repaint", ""):
-            self._render_stage.settle(self.mosaic.placements())
+            self._tried(self._settled, "the whole map could not be painted in a pause")
+
+    def _settled(self) -> None:
+        self._render_stage.settle(self.mosaic.placements())
 
     def _connected_some(self) -> bool:
         """Compare some unconnected frames that look alike; returns whether there are more."""

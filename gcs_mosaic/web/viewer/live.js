@@ -12,8 +12,6 @@ export class Live {
 
   /**
    * `onNotes`: somebody has added something; `onEnded`: the server says farewell; what it has can be read for two more seconds.
-   * @param {(change: Api.Change) => void} onChange
-   * @param {() => void} onEnded
    * `onSign`: the server is there: whatever has come, and each two seconds where there is nothing else to tell.
    * @param {(change: Api.Change) => void} onChange
    * @param {() => void} onEnded

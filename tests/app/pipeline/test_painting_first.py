@@ -1,6 +1,7 @@
 """Live, a new frame is on the map before the map is adjusted to it."""
 
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import cv2
@@ -44,6 +45,16 @@ def fail(*_: object) -> None:
     raise ArithmeticError("no inverse")
 
 
+@contextmanager
+def placed(out: Path, frames: list[Frame], said: list[Notice]) -> Iterator[Pipeline]:
+    """Frames placed and painted, the map not adjusted to them yet."""
+    out.mkdir()
+    with closing(Pipeline(out, CONFIG, said.append, paint_first=True)) as pipeline:
+        for frame in frames:
+            Driver(pipeline).process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
+        yield pipeline
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_tiles_are_written_before_the_adjustment_moves_what_they_show(
     first: bool, tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
@@ -64,14 +75,11 @@ def test_what_the_adjustment_moves_is_painted_anew_and_its_failure_said(
     tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = list[Notice]()
-    (tmp_path / "out").mkdir()
-    with closing(Pipeline(tmp_path / "out", CONFIG, said.append, paint_first=True)) as pipeline:
-        for frame in frames:
-            Driver(pipeline).process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
-        placed = {one.name: one.pose for one in pipeline.mosaic.placements()}
+    with placed(tmp_path / "out", frames, said) as pipeline:
+        before = {one.name: one.pose for one in pipeline.mosaic.placements()}
         pipeline.adjust()
         moved = {one.name: one.pose for one in pipeline.mosaic.placements()}
-        assert moved != placed
+        assert moved != before
         assert pipeline.has_repaints
 
         monkeypatch.setattr(pipeline.mosaic, "adjust", fail)
@@ -83,10 +91,7 @@ def test_what_moved_while_it_could_not_be_noted_is_noted_later(
     tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said = list[Notice]()
-    (tmp_path / "out").mkdir()
-    with closing(Pipeline(tmp_path / "out", CONFIG, said.append, paint_first=True)) as pipeline:
-        for frame in frames:
-            Driver(pipeline).process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
+    with placed(tmp_path / "out", frames, said) as pipeline:
         with monkeypatch.context() as patch:
             patch.setattr(pipeline.store, "note_placed", fail)
             pipeline.adjust()

@@ -13,7 +13,7 @@ from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.waiting.prefetch import prepare
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.files import frames_in
-from gcs_mosaic.messages import Frame
+from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.stitch.camera.geometry import Pose
 from tests.sure import sure
 
@@ -86,3 +86,18 @@ def test_frames_that_come_after_it_are_painted_on_it(tmp_path: Path, frames: lis
             pass
         assert pipeline.accounts().frames.placed == len(frames)
         assert not pipeline.has_repaints
+
+
+def test_what_fails_in_it_ends_no_flight(tmp_path: Path, frames: list[Frame], monkeypatch: pytest.MonkeyPatch) -> None:
+    said = list[Notice]()
+    out = tmp_path / "out"
+    out.mkdir()
+    with closing(Pipeline(out, Config(), said.append, paint_first=True)) as pipeline:
+        Driver(pipeline).process(prepare(sure(pipeline.accept(frames[0])), pipeline.features_of))
+
+        def fail() -> None:
+            raise MemoryError
+
+        monkeypatch.setattr(pipeline.mosaic, "placements", fail)
+        pipeline.settle_in_a_pause()
+    assert ["could not be painted in a pause" in one.text for one in said] == [True]
