@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from gcs_mosaic.app.live.daemon import RETRY_S
+from gcs_mosaic.app.live.daemon import LANDED_AFTER_S, RETRY_S
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from tests.benchmarks.flood import numbered
@@ -113,6 +113,29 @@ def test_a_final_painting_that_is_cut_short_is_said(tmp_path: Path, pictures: li
         assert flight.end() == 0
         assert "parts of the map stay as in flight" in flight.said
         assert_accounts_close(flight, frames=3)
+
+
+@pytest.mark.thorough
+@pytest.mark.long
+def test_what_was_cut_short_is_painted_when_the_flight_is_resumed(tmp_path: Path, pictures: list[bytes]) -> None:
+    """As that sentence says; it is settled before it is asked to end."""
+    with flying(tmp_path, config=QUICK + "\nfinish_s: 0\n") as flight:
+        for k in range(6):
+            flight.take(f"IMG_{k}.JPG", pictures[k])
+        flight.wait_for_frames(placed=6)
+        assert flight.end() == 0
+    cut_short = tiles_of(flight.out)
+    with flying(tmp_path, "--resume", config=QUICK) as flight:
+        until(lambda: tiles_of(flight.out) != cut_short, "it paints", LANDED_AFTER_S + 20)
+        time.sleep(10)
+        settled = tiles_of(flight.out)
+        assert flight.end() == 0
+        assert "parts of the map stay" not in flight.said
+    assert tiles_of(flight.out) == settled
+
+
+def tiles_of(out: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in (out / "tiles").rglob("*.*") if path.is_file()}
 
 
 @pytest.mark.long
