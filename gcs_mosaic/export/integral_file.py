@@ -171,7 +171,12 @@ def _hints(
         return
     unit_m = None if flying_m is None else flying_m / lens.flying_height
     reach = UNKNOWN_REACH if focus is not None and not focus.known else KNOWN_REACH
-    every = [one for height in heights for one in found_in(lens, height, wish.opened, wish.hints, unit_m, reach)]
+    is_dark = wish.form == "min"
+    every = [
+        one
+        for height in heights
+        for one in found_in(lens, height, wish.opened, wish.hints, unit_m, reach, is_dark=is_dark)
+    ]
     aside = lens.aperture(heights[0], wish.opened).width / 2
     for one in over_heights(every, HINT_REACH * lens.window.cell, aside)[: wish.hints]:
         yield (

@@ -12,6 +12,7 @@ import numpy as np
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.decode import Unreadable
 from gcs_mosaic.integral.focal_plane import camera_height, pixels_at
+from gcs_mosaic.integral.heat_palette import is_brighter_where_warmer
 from gcs_mosaic.integral.relief_plane import plane_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
 from gcs_mosaic.integral.why_not import nobody_sees, too_few
@@ -152,7 +153,8 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
     if bright is not None:
         levels *= bright
     # Of the whole: a window may show tarmac alone. A quarter of the usual sample tells a share of a hundredth well enough.
-    one_band = is_grey(painted.display.levels(sample_of(image)[::2, ::2]))
+    some = painted.display.levels(sample_of(image)[::2, ::2])
+    one_band = is_grey(some)
     return GroundLook(
         name=painted.name,
         pose=painted.pose,
@@ -164,6 +166,7 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
         reduction=reduction,
         dead=painted.dead,
         still=painted.still,
+        heat=not one_band and is_brighter_where_warmer(some),
     )
 
 

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import cv2
 import numpy as np
 
-from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST
+from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, as_grey
 from gcs_mosaic.integral.forms import LEAST_LOOKS, looks_of, mean
 from gcs_mosaic.integral.ground_lens import GroundLens
 from gcs_mosaic.integral.stack import GroundWindow, LookStack
@@ -123,17 +123,29 @@ def found_in(
     most: int,
     unit_m: float | None = None,
     reach: tuple[int, int] = KNOWN_REACH,
+    *,
+    is_dark: bool = False,
 ) -> list[HotPlace]:
     """What stands out most in a lens, at a height and so many focuses (`reach`) below and above it: one of each thing. `unit_m`:
-    metres of a canvas unit, if that is known."""
+    metres of a canvas unit, if that is known. `is_dark`: of a single band what is darker than its surroundings."""
+    lens = in_one_band(lens)
     aperture = lens.aperture(height, opened)
     depth = min(max(aperture.depth, LEAST_DEPTH), MOST_DEPTH)
     sizes = person_size(None if unit_m is None else unit_m * lens.window.cell)
     found = list[HotPlace]()
     for share in (height + step * depth for step in range(-reach[0], reach[1] + 1)):
         if LOWEST <= share <= HIGHEST:
-            found += peaks(oddities(lens.stack(share, opened), sizes), lens.window, share, most)
+            stack = lens.stack(share, opened)
+            odd = oddities(replace(stack, values=-stack.values) if is_dark else stack, sizes)
+            found += peaks(odd, lens.window, share, most)
     return over_heights(found, APART * lens.window.cell, aperture.width / 2)[:most]
+
+
+def in_one_band(lens: GroundLens) -> GroundLens:
+    """The brightness alone of looks of which most are coloured by a palette that is brighter where it is warmer."""
+    if 2 * sum(one.heat for one in lens.looks) <= len(lens.looks):
+        return lens
+    return replace(lens, looks=[as_grey(one) for one in lens.looks])
 
 
 def oddities(stack: LookStack, sizes: Sequence[int] = ANY_SIZE) -> FloatImage:

@@ -69,7 +69,10 @@ class LensKeeper:
         aperture = lens.aperture(height, wish.opened)
         values = FORMS[wish.form](lens.stack(height, wish.opened))
         reach = KNOWN_REACH if focus.known or wish.height is not None else UNKNOWN_REACH
-        hints = found_in(lens, height, wish.opened, wish.hints, wish.unit_m, reach) if wish.hints else ()
+        is_dark = wish.form == "min"
+        hints = (
+            found_in(lens, height, wish.opened, wish.hints, wish.unit_m, reach, is_dark=is_dark) if wish.hints else ()
+        )
         return LensView(lens=lens, focus=focus, height=height, aperture=aperture, values=values, hints=hints)
 
     def forget(self, now: float | None = None) -> None:

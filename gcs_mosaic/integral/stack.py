@@ -49,7 +49,8 @@ class GroundLook:
     """A part of a frame in memory, and where that was taken from.
 
     `image`: (h, w, bands) grey levels of one light in all looks; its pixels are `reduction` pixels of `camera`'s frame wide, and
-    its left and upper edges lie at `left`, `top` of that frame, counted from the frame's own edges.
+    its left and upper edges lie at `left`, `top` of that frame, counted from the frame's own edges. `heat`: its colours are
+    those of a palette that is brighter where it is warmer.
     """
 
     name: str
@@ -62,6 +63,7 @@ class GroundLook:
     reduction: float = 1.0
     dead: DeadBorder = NO_BORDER
     still: StillMask | None = None
+    heat: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
