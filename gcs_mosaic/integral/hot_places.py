@@ -33,12 +33,14 @@ CENTRE = 3  # smaller is noise
 SURROUND = 41  # a few times a person
 APART = 10  # two peaks nearer than that are one thing
 
-NEAR = 13  # of warm things: what is around them, in pixels of which a person is some PERSON_PX long
-PERSON_M, PERSON_PX = 1.7, 8.0
+NEAR = 13  # of warm things: what is around them, in pixels
+# After the most halvings a body is at least CENTRE pixels wide; those before are for pieces of it, as gaps show them. Pixels of
+# which people were 6 long found 3 of 9 in a simulated wood that hid 87 %.
+BODY_M, PIECES = 0.5, 2
 # Focuses searched below and above a height: where that is a guess it is of the lowest leaves, and the ground is below.
-KNOWN_REACH, UNKNOWN_REACH = (1, 1), (8, 2)
-# How often the pixels are halved, where nobody knows how large a person is: 6 to 48 px. Each size more lets chance in, too: in
-# simulated woods that costs some people of a hundred (`tests.benchmarks.canopy`).
+KNOWN_REACH, UNKNOWN_REACH = (1, 1), (8, 1)
+# How often the pixels are halved, where nobody knows how large a person is: 10 to 40 px long. Each size more lets chance in, too:
+# in simulated woods that costs some people of a hundred (`tests.benchmarks.canopy`).
 ANY_SIZE = (0, 1, 2)
 MOST_HALVINGS = 4
 # Chosen on seeds 1 and 2 of the benchmark's woods, at 70 % hidden; others are held out.
@@ -78,7 +80,8 @@ def person_size(cell_m: float | None) -> Sequence[int]:
     """How often pixels are halved to find people, by how many metres one is wide; all that may be if that is not known."""
     if cell_m is None:
         return ANY_SIZE
-    return (int(np.clip(round(math.log2(PERSON_M / (PERSON_PX * cell_m))), 0, MOST_HALVINGS)),)
+    most = int(np.clip(math.floor(math.log2(BODY_M / (CENTRE * cell_m))), 0, MOST_HALVINGS))
+    return tuple(range(max(0, most + 1 - PIECES), most + 1))
 
 
 def warmth(stack: LookStack, sizes: Sequence[int] = ANY_SIZE) -> FloatImage:

@@ -5,18 +5,19 @@
 
 Of `canopy_files`. Told are the islands of the map, how far its cameras lie from the true ones after one similarity, and for each
 person whom ten looks or more see: the focus that a click finds, as a share of the way down to the ground if the focal length
-were right (1 is the ground), and the rank of a hint within a metre of him, of eight. Two minutes of computing for 24 frames.
+were right (1 is the ground), and the rank of a hint within a metre of him, of eight; and how many hints are of nobody. Two
+minutes of computing for 24 frames.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
 import subprocess
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -72,9 +73,15 @@ def told(folder: Path, wood: Wood) -> None:
     painted = [one for number in its if (one := view.painted(number)) is not None]
     units = laid_on_truth(painted, flight)
     true_scale = flight.scene.camera.lens.focal / painted[0].camera.focal / wood.height
-    found = [clicked(view, island, painted, one.place(0.0), units, true_scale) for one in flight.scene.targets]
-    tried = [rank for rank in found if rank is not None]
-    print(f"{sum(rank > 0 for rank in tried)} of {len(tried)} people are among {HINTS} hints of the lens over them")
+    people = np.array([one.place(0.0) for one in flight.scene.targets])
+    found = [clicked(view, island, painted, people, number, units, true_scale) for number in range(len(people))]
+    tried = [one for one in found if one is not None]
+    print(f"{sum(one.rank > 0 for one in tried)} of {len(tried)} people are among {HINTS} hints of the lens over them")
+    false, hectares = sum(one.false for one in tried), max(sum(one.square_m for one in tried) / 1e4, 1e-9)
+    before = sum(one.false_before for one in tried if one.rank)
+    print(
+        f"{false} hints are of nobody, {false / hectares:.0f} a hectare looked at; {before} stand out more than who was found"
+    )
 
 
 def laid_on_truth(painted: Sequence[RenderItem], flight: sitl.flight.Flight) -> Units:
@@ -91,11 +98,28 @@ def laid_on_truth(painted: Sequence[RenderItem], flight: sitl.flight.Flight) -> 
     return units
 
 
+@dataclass(frozen=True, slots=True)
+class Clicked:
+    """`rank`: of the hint at a person, 0 for none; hints that are `false`, of nobody, and of these `false_before` his; how many
+    metres square the lens is."""
+
+    rank: int
+    false: int
+    false_before: int
+    square_m: float
+
+
 def clicked(
-    view: FlightView, island: int, painted: Sequence[RenderItem], place: Floats, units: Units, true_scale: float
-) -> int | None:
-    """Rank of the hint at a person, 0 for none; None where too few looks see him."""
-    x, y = units.canvas(float(place[0]), float(place[1])).tolist()
+    view: FlightView,
+    island: int,
+    painted: Sequence[RenderItem],
+    people: Floats,
+    number: int,
+    units: Units,
+    true_scale: float,
+) -> Clicked | None:
+    """A lens over a person; None where too few looks see him."""
+    x, y = units.canvas(*people[number].tolist()).tolist()
     seeing = sum(_sees(one, x, y) for one in painted)
     if seeing < ENOUGH:
         return None
@@ -103,15 +127,15 @@ def clicked(
         seen = LensKeeper(view).look(LensWish(island=island, x=x, y=y, hints=HINTS, unit_m=units.metres))
     except UsageError as error:
         print(f"  {seeing} looks: {error}")
-        return 0
-    ranks = [rank for rank, one in enumerate(seen.hints, 1) if math.dist(units.world(one.x, one.y), place) < NEAR]
-    rank = ranks[0] if ranks else 0
+        return Clicked(0, 0, 0, 0.0)
+    away = [np.linalg.norm(people - units.world(one.x, one.y), axis=1) for one in seen.hints]
+    rank = next((at for at, one in enumerate(away, 1) if one[number] < NEAR), 0)
+    nobody = [bool(one.min() >= NEAR) for one in away]
     known = "known" if seen.focus.known else "a guess"
-    print(
-        f"  {seeing} looks: focus {true_scale * _away(seen, units):.2f} of the way down, {known}; hint {rank or 'none'}",
-        flush=True,
-    )
-    return rank
+    way = true_scale * _away(seen, units)
+    print(f"  {seeing} looks: focus {way:.2f} of the way down, {known}; hint {rank or 'none'}", flush=True)
+    side = seen.lens.window.side * units.metres
+    return Clicked(rank, sum(nobody), sum(nobody[: max(rank - 1, 0)]), side * side)
 
 
 def _away(seen: LensView, units: Units) -> float:

@@ -58,9 +58,12 @@ def test_what_nobody_or_one_look_saw_is_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell_m", "halvings"), [(0.2, (0,)), (0.1, (1,)), (0.05, (2,)), (0.001, (4,)), (None, ANY_SIZE)]
+    ("cell_m", "halvings"),
+    [(0.2, (0,)), (0.1, (0,)), (0.05, (0, 1)), (0.037, (1, 2)), (0.001, (3, 4)), (None, ANY_SIZE)],
 )
-def test_pixels_are_halved_until_a_person_is_some_of_them_long(cell_m: float | None, halvings: tuple[int, ...]) -> None:
+def test_pixels_are_halved_until_a_body_is_three_of_them_wide_and_once_less_for_pieces_of_it(
+    cell_m: float | None, halvings: tuple[int, ...]
+) -> None:
     assert person_size(cell_m) == halvings
 
 
@@ -120,13 +123,25 @@ def test_which_palettes_are_brighter_where_it_is_warmer(palette: int, rises: boo
     ground = cv2.GaussianBlur(np.random.default_rng(6).standard_normal((256, 256)).astype(np.float32), (0, 0), 4)
     grey = np.clip(128 + ground * 1200, 0, 255).astype(np.uint8)
     told = cv2.imdecode(cv2.imencode(".jpg", cv2.applyColorMap(grey, palette))[1], cv2.IMREAD_COLOR)
-    assert is_brighter_where_warmer(told) == rises
+    assert is_brighter_where_warmer(np.asarray(told, np.uint8)) == rises
 
 
 def test_grey_and_ground_of_one_hue_are_no_palette() -> None:
     grey = np.random.default_rng(7).integers(0, 255, (64, 64, 1), np.uint8)
     assert not is_brighter_where_warmer(grey)
     assert not is_brighter_where_warmer((grey * np.array([0.4, 0.8, 0.6])).astype(np.uint8))
+
+
+def test_a_body_of_which_gaps_show_pieces_is_found_by_pixels_finer_than_it() -> None:
+    """Twelve pixels wide, of which each look shows another piece of four: in pixels of its width nothing is left of it."""
+    stack = stack_of(20, seed=8)
+    for look, (row, column) in {1: (40, 44), 5: (44, 40), 9: (48, 44), 13: (44, 44), 17: (40, 44)}.items():
+        put(stack, [look], row, column, 5.0)
+    told = {size: warmth(stack, (size,)) for size in (1, 3)}
+    apart = {
+        size: float(one[38:54, 38:54].max() - np.delete(one, np.s_[32:60], axis=0).max()) for size, one in told.items()
+    }
+    assert apart[1] > 1 > apart[3]
 
 
 def test_one_thing_in_several_focuses_is_one() -> None:
