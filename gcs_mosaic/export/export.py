@@ -113,4 +113,4 @@ def telling_where(target: Path) -> Iterator[None]:
         yield
     except (OSError, sqlite3.Error, DiskFull) as error:
         why = getattr(error, "strerror", None) or error
-        raise UsageError(f"{target} cannot be written ({why}); give another file with --to.") from error
+        raise UsageError(f"{target} cannot be written ({why}); give another file.") from error

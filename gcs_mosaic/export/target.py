@@ -15,7 +15,7 @@ def refuse_our_own(target: Path) -> None:
     try:
         place = target.parent.resolve() / target.name  # a link at the target itself is replaced, not followed
     except (OSError, RuntimeError) as error:  # the second: links in a circle
-        raise UsageError(f"{target} cannot be found ({error}): give another file with --to.") from None
+        raise UsageError(f"{target} cannot be found ({error}): give another file.") from None
     if target.name in ("", ".."):
         place = target.resolve()
     ours = {name.casefold() for name in WRITTEN_NAMES}  # some file systems know no case
@@ -23,7 +23,7 @@ def refuse_our_own(target: Path) -> None:
         first = place.relative_to(flight).parts[0]
         if first.casefold() in ours and _holds_a_flight(flight):
             raise UsageError(
-                f"{target} is part of the flight in {flight}, which an export would replace: give another file with --to."
+                f"{target} is part of the flight in {flight}, which an export would replace: give another file."
             )
 
 

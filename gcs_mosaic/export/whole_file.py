@@ -19,7 +19,7 @@ from gcs_mosaic.store.lock import is_still_there, lock_file
 def whole_file(target: Path) -> Iterator[Path]:
     """A path beside the target to write to, which takes its place in the end. Raises UsageError if that cannot be."""
     if target.is_dir():
-        raise UsageError(f"{target} is a folder; give a file with --to.")
+        raise UsageError(f"{target} is a folder; give a file.")
     beside = target.with_name(f".{target.name}.part")
     with telling_where(target):
         _make_way(beside, inside.is_file)
@@ -39,7 +39,7 @@ def whole_file(target: Path) -> Iterator[Path]:
 def whole_folder(target: Path) -> Iterator[Path]:
     """The same for a folder, which must not be there, or be empty. Raises UsageError."""
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
-        raise UsageError(f"{target} is there already, and is left as it is; give another folder with --to.")
+        raise UsageError(f"{target} is there already, and is left as it is; give another folder.")
     beside = target.with_name(f".{target.name}.part")
     with telling_where(target):
         _make_way(beside, inside.is_folder)
@@ -78,9 +78,7 @@ def _held(beside: Path, target: Path) -> Iterator[None]:
         except OSError:  # some network file systems have no locks
             is_ours = True
         if not is_ours:
-            raise UsageError(
-                f"{target} is being written by another export: wait for it, or give another file with --to."
-            )
+            raise UsageError(f"{target} is being written by another export: wait for it, or give another file.")
         yield
     finally:
         os.close(descriptor)

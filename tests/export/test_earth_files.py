@@ -304,7 +304,7 @@ def test_what_cannot_be_is_told_in_a_sentence(refused: Callable[..., str], optio
 
 def test_a_target_that_is_there(refused: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
-    assert "is a folder; give a file with --to" in refused("--format", "mbtiles", to="there")
+    assert "is a folder; give a file" in refused("--format", "mbtiles", to="there")
     (tmp_path / "there" / "other.txt").write_text("x")
     assert "is there already, and is left as it is" in refused("--format", "xyz", to="there")
     assert [path.name for path in (tmp_path / "there").iterdir()] == ["other.txt"]

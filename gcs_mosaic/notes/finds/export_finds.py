@@ -40,7 +40,7 @@ def export_finds(
     try:
         write_beside(target, text.encode("utf-8"))
     except (OSError, DiskFull) as error:
-        raise UsageError(f"{target} cannot be written ({error}); give another file with --to.") from error
+        raise UsageError(f"{target} cannot be written ({error}); give another file.") from error
     said = "".join(f"\nwarning: {text} {HOW}" for text in anchor_words(shown))
     return f"{in_number(found)} written to {target}{said}"
 
