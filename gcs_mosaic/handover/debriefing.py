@@ -6,7 +6,7 @@ from __future__ import annotations
 import html
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -166,11 +166,7 @@ def _by_time(view: FlightView, island: int, flown: Flown, looked: Looked | None,
 
     parts, moments = [], flown.stated or _thinned(flown.moments)
     if moments:
-        drawn = [Curve("seen, of all that was flown", "#05f", [(one.s, one.seen) for one in flown.moments])]
-        if flown.stated:
-            told = [(one.s, one.probability or 0.0) for one in flown.stated]
-            drawn.append(Curve("probability, of all that was flown", "#083", told))
-        parts.append(f"<h3>As it was flown</h3>{curves(drawn, when(flown.moments[0].s), when(flown.moments[-1].s))}")
+        parts.append(f"<h3>As it was flown</h3>{_flown_curves(flown, when)}")
         parts.append(
             _rows(("last picture", "pictures", "seen", "probability"), (_told(one, when(one.s)) for one in moments))
         )
@@ -178,6 +174,22 @@ def _by_time(view: FlightView, island: int, flown: Flown, looked: Looked | None,
     if looked is not None and (ours or np.isfinite(looked.utc).any()):
         parts.append(f"<h3>As it was looked at</h3>{_of_looks(looked, ours)}")
     return "".join(parts)
+
+
+def _flown_curves(flown: Flown, when: Callable[[float], str]) -> str:
+    """Over the time; over the number of pictures where all files came at once, or nobody knows when."""
+    first, last = flown.moments[0], flown.moments[-1]
+    is_timed = all(math.isfinite(one.s) for one in flown.moments) and when(first.s) != when(last.s)
+
+    def along(one: Moment) -> float:
+        return one.s if is_timed else float(one.pictures)
+
+    drawn = [Curve("seen, of all that was flown", "#05f", [(along(one), one.seen) for one in flown.moments])]
+    if flown.stated:
+        told = [(along(one), one.probability or 0.0) for one in flown.stated]
+        drawn.append(Curve("probability, of all that was flown", "#083", told))
+    ends = (when(first.s), when(last.s)) if is_timed else ("1 picture", f"{last.pictures} pictures")
+    return curves(drawn, *ends)
 
 
 def _told(one: Moment, when: str) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ opened from a disk in a real browser, with nobody to ask."""
 from __future__ import annotations
 
 import re
+import sqlite3
 import time
 from contextlib import closing
 from pathlib import Path
@@ -16,10 +17,11 @@ from gcs_mosaic.export.debriefing import export_debriefing
 from gcs_mosaic.notes.search.reviews import ReviewedView, Reviews
 from gcs_mosaic.notes.search.seen_ground import seen_cells
 from gcs_mosaic.notes.storage.book import NotesBook
+from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.views.flight_view import FlightView
 from tests.notes.written_pins import write_pins
 from tests.web.browser import CHROMIUM, Page
-from tests.web.seen_flight import CAMERA
+from tests.web.seen_flight import CAMERA, seen_flight
 from tests.web.small_flight import SmallFlight
 
 FINEST = 16
@@ -85,6 +87,24 @@ def test_why_nothing_is_told_of_the_probability_is_said(flight: SmallFlight) -> 
     assert "not known: how large the ground is, is not known: set two pins" in text
     hole = (200 - 40) * (150 - 30) / ((4 * 200 + 240) * (3 * 150 + 180))  # what only the missing frame would show
     assert BY_TIME.findall(text)[-1][2:] == (f"{100 * (1 - hole):.0f}", ""), "what was seen is told all the same"
+
+
+def test_where_all_files_came_at_once_curves_go_over_the_pictures(flight: SmallFlight) -> None:
+    """A copied folder: the files' times are those of the copying, all within a second."""
+    export_debriefing(flight.root, flight.root / "d.html")
+    (first, last) = re.findall(r">(\d+) pictures?</text>", (flight.root / "d.html").read_text())
+    assert (first, last) == ("1", "19")
+
+
+def test_a_flight_of_one_picture_has_its_file(tmp_path: Path) -> None:
+    root = seen_flight(tmp_path).root
+    with closing(sqlite3.connect(root / LEDGER_NAME)) as ledger:
+        ledger.execute("DELETE FROM painted WHERE frame != (SELECT min(frame) FROM painted)")
+        ledger.commit()
+    export_debriefing(root, root / "d.html")
+    text = (root / "d.html").read_text()
+    assert BY_TIME.findall(text)[-1][1:] == ("1", "100", "")
+    assert 'class="curves"' not in text
 
 
 @pytest.mark.long
