@@ -87,6 +87,7 @@ export default {
   "Damaged": "Beschädigt",
   "Dark ground": "Dunkler Boden",
   "Data package with finds": "Datenpaket mit Funden",
+  "Degrees": "Grad",
   "Delete": "Löschen",
   "Delete this scale": "Diesen Maßstab löschen",
   "Dismiss": "Verwerfen",
@@ -536,5 +537,7 @@ export default {
   "{share} % of the ground of this part was reviewed.": "{share} % des Bodens dieses Teils wurde gesichtet.",
   "{share} % of this part is looked at.": "{share} % dieses Teils sind angesehen.",
   "{share} % of what is shared out is looked at.": "{share} % von dem, was verteilt wird, sind angesehen.",
+  "{text} are no metres: write a number, as 12.5.": "{text} sind keine Meter: eine Zahl schreiben, wie 12,5.",
+  "{text} are no per cent from 1 to 99: write a number, as 80.": "{text} sind keine Prozent von 1 bis 99: eine Zahl schreiben, wie 80.",
   "{time} ago": "vor {time}",
 };
