@@ -26,7 +26,7 @@ MAP_SHARE = {(400, 800): 0.75, (1024, 768): 0.85, (1366, 768): 0.85, (1920, 1080
 SENTENCES = [
     (
         "error",
-        "the disk is full: free some space, then it goes on (/media/operator/FIELD-SSD/2026-11-27 search/mosaic/flight.sqlite "
+        "the disk is full: free some space, then it goes on (/srv/flights/FIELD-SSD/2026-11-27 search/mosaic/flight.sqlite "
         "could not be written)",
     ),
     ("warning", "The last 3 frames match nothing on the map: fly back over ground that is on it"),
