@@ -79,8 +79,8 @@ def test_a_sharper_view_counts_more_of_what_both_show(grey: int, who: int) -> No
 
 
 def test_what_frames_of_one_sharpness_differ_by_decides_nothing() -> None:
-    assert folded(seen(0.5), seen(0.45, log_detail=1.08)).lead == pytest.approx(
-        folded(seen(0.5, grey=90), seen(0.45, log_detail=1.08)).lead
+    assert folded(seen(0.5), seen(0.45, log_detail=1.05)).lead == pytest.approx(
+        folded(seen(0.5, grey=90), seen(0.45, log_detail=1.05)).lead
     )
 
 
