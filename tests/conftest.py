@@ -2,6 +2,7 @@
 
 import atexit
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -33,8 +34,23 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 # Files that take minutes: begun first, so that at the end no core waits for one of them.
 LONGEST = ("test_lower_bounds.py", "test_real_flights.py", "test_adversarial.py", "test_readme.py", "test_soak.py")
 
+ALL_LONG = re.compile(r"^pytestmark(, \w+)? = (\[\s*)?(pytest\.mark\.long|THOROUGH)\b", re.MULTILINE)
+SOME_LONG = re.compile(r"\b(long|thorough|THOROUGH)\b")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Files whose tests are all of another tier need not be loaded to know it: that takes longer than many a test."""
+    if not collection_path.name.startswith("test_"):
+        return None
+    text, asked = collection_path.read_text(encoding="utf-8"), config.option.markexpr
+    is_left_out = bool(ALL_LONG.search(text)) if asked == "not long" else not SOME_LONG.search(text)
+    return True if is_left_out and asked in ("not long", "long and not thorough", "thorough") else None
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    marked = {item.path for item in items if item.get_closest_marker("long")}
+    if unseen := sorted(str(path) for path in marked if not SOME_LONG.search(path.read_text(encoding="utf-8"))):
+        raise pytest.UsageError(f"marked as long without the word, and never collected as such: {', '.join(unseen)}")
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
 

@@ -10,12 +10,13 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from tests import documents
 from tests.test_flights import fly
+from tests.tiers import THOROUGH
 
 COUNT = 14
-pytestmark = pytest.mark.long
+pytestmark = THOROUGH
 
 
-@pytest.mark.parametrize("links", ["one", pytest.param("each", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("links", ["one", "each"])
 def test_two_aircraft_over_one_ground_make_one_map(tmp_path: Path, links: str) -> None:
     """Two system ids on one link, and a link for each; both cameras write the same names."""
     flown = fly(tmp_path, "--aircraft", "2", "--links", links, "--manner", "px4,camera", "--count", str(COUNT))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import shutil
@@ -43,25 +44,34 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return fresh.clone(tmp_path_factory.mktemp("clone") / "clone")
 
 
-@pytest.mark.long
-def test_two_builds_are_the_same_bytes(clone: Path, tmp_path: Path) -> None:
-    other = tmp_path / "other"
-    shutil.copytree(clone, other, symlinks=True)
-    for path in other.rglob("*.py"):
-        os.utime(path, (1, 1))
-    first, second = built(clone, tmp_path / "one"), built(other, tmp_path / "two", TZ="Asia/Tokyo")
-    assert {Path(name).suffix for name in first} == {".whl", ".gz"}
-    assert first == second
-
-
-@pytest.mark.long
-def test_what_is_built_tells_its_version_and_brings_every_licence(clone: Path, tmp_path: Path) -> None:
-    tagged = tmp_path / "tagged"
+@pytest.fixture(scope="module")
+def tagged(clone: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clone of what is committed, as it is released."""
+    tagged = tmp_path_factory.mktemp("tagged") / "clone"
     fresh.run("git", "clone", "--quiet", str(clone), str(tagged))
     fresh.run("git", "-c", "user.name=a", "-c", "user.email=a@b", "tag", "-a", "-m", "", "v7.8.9", cwd=tagged)
-    names = set(built(tagged, tmp_path / "out"))
-    assert names == {"gcs_mosaic-7.8.9-py3-none-any.whl", "gcs_mosaic-7.8.9.tar.gz"}
-    wheel = zipfile.ZipFile(tmp_path / "out" / "gcs_mosaic-7.8.9-py3-none-any.whl")
+    return tagged
+
+
+@pytest.fixture(scope="module")
+def release(tagged: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    return built(tagged, tmp_path_factory.mktemp("release"))
+
+
+@pytest.mark.long
+def test_two_builds_are_the_same_bytes(tagged: Path, release: dict[str, bytes], tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(tagged, other, symlinks=True)
+    for path in other.rglob("*.py"):
+        os.utime(path, (1, 1))
+    assert {Path(name).suffix for name in release} == {".whl", ".gz"}
+    assert built(other, tmp_path / "again", TZ="Asia/Tokyo") == release
+
+
+@pytest.mark.long
+def test_what_is_built_tells_its_version_and_brings_every_licence(release: dict[str, bytes]) -> None:
+    assert release.keys() == {"gcs_mosaic-7.8.9-py3-none-any.whl", "gcs_mosaic-7.8.9.tar.gz"}
+    wheel = zipfile.ZipFile(io.BytesIO(release["gcs_mosaic-7.8.9-py3-none-any.whl"]))
     told = message_from_bytes(wheel.read("gcs_mosaic-7.8.9.dist-info/METADATA"))
     assert told["License-Expression"] == "Apache-2.0 AND BSD-2-Clause"
     vendored = [name for name in wheel.namelist() if name.startswith("gcs_mosaic/web/viewer/vendor/")]

@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 
 from gcs_mosaic.notes.storage.book import NotesBook
-from tests.ended_flights import ended_flight, photographed
+from tests.ended_flights import ended_flight
 from tests.ports import free_port
 from tests.strangers import LEDGERS, LINKS, SECRET, STRANGE_FILES, Trick, an_outside, seen
 from tests.web.answers import faults_at
@@ -55,8 +55,7 @@ COMMANDS = {
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """A flight of six frames that has ended, with notes."""
-    pictures = photographed(tmp_path_factory.mktemp("camera"), world_cache)
-    out = ended_flight(tmp_path_factory.mktemp("flown") / "flight", pictures)
+    out = ended_flight(tmp_path_factory.mktemp("flown") / "flight", world_cache)
     with closing(NotesBook(out)) as book, book.change():
         pass
     return out

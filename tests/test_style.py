@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests import fresh
+from tests.syntax import statements, tree_of
 
 TOP_LEVEL = {"LICENSE", "README.md", "config", "gcs_mosaic", "pyproject.toml", "sitl", "tests"}
 LONGEST_FUNCTION = 40  # lines; half of them have no more than six
@@ -43,10 +44,20 @@ def test_no_path_of_one_machine(known: list[Path]) -> None:
 
 @pytest.mark.long
 def test_no_function_is_too_long_to_read(known: list[Path]) -> None:
-    trees = {path: ast.parse(path.read_bytes()) for path in known if path.suffix == ".py"}
-    functions = [(path, node) for path, tree in trees.items() for node in ast.walk(tree) if isinstance(node, FUNCTIONS)]
-    lengths = {(path, node.name): (node.end_lineno or 0) - node.lineno + 1 for path, node in functions}
-    assert not {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION}
+    assert [found for path in known if path.suffix == ".py" for found in too_long(tree_of(path), path)] == []
+
+
+def too_long(tree: ast.Module, path: Path) -> list[str]:
+    functions = [node for node in statements(tree) if isinstance(node, FUNCTIONS)]
+    lengths = [(one.name, (one.end_lineno or 0) - one.lineno + 1) for one in functions]
+    return [f"{path}: {name} has {length} lines" for name, length in lengths if length > LONGEST_FUNCTION]
+
+
+def test_a_function_that_is_too_long_is_found_in_any_other() -> None:
+    body = "        pass\n" * LONGEST_FUNCTION
+    assert too_long(ast.parse(f"def outer():\n    def inner():\n{body}"), Path("a.py")) == [
+        f"a.py: {name} has {LONGEST_FUNCTION + more} lines" for name, more in (("outer", 2), ("inner", 1))
+    ]
 
 
 @pytest.mark.long
@@ -54,7 +65,7 @@ def test_a_class_name_has_one_meaning() -> None:
     """Names with an underscore are a module's own affair."""
     homes = defaultdict[str, list[str]](list)
     for path in sorted((fresh.ROOT / "gcs_mosaic").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in statements(tree_of(path)):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 homes[node.name].append(path.name)
     assert {name: found for name, found in homes.items() if len(found) > 1} == {}

@@ -36,6 +36,7 @@ from tests.frames.video.films import (
 )
 from tests.rebuilt import assert_explained
 from tests.running import PROGRAM, flying, run, until
+from tests.tiers import thorough
 
 MB = 1 << 20
 
@@ -54,6 +55,7 @@ def placements(out: Path) -> list[dict[str, Any]]:
     return list(document_at(out / "placements.json")["frames"])
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_video_becomes_a_map(tmp_path: Path) -> None:
     write_film(tmp_path / "FLIGHT.MP4", flight(3.0))
@@ -66,7 +68,7 @@ def test_a_video_becomes_a_map(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("is_folder", [True, False])
+@pytest.mark.parametrize("is_folder", [thorough(True), False])
 def test_what_is_no_video_is_said_before_anything_is_written(tmp_path: Path, is_folder: bool) -> None:
     (tmp_path / "card").mkdir()
     sound(tmp_path / "card" / "FLIGHT.MP4")
@@ -78,7 +80,7 @@ def test_what_is_no_video_is_said_before_anything_is_written(tmp_path: Path, is_
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("command", ["reprocess", "benchmark"])
+@pytest.mark.parametrize("command", ["reprocess", thorough("benchmark")])
 def test_other_commands_say_who_takes_videos(tmp_path: Path, command: str) -> None:
     (tmp_path / "FLIGHT.MP4").write_bytes(b"any")
     done = run(command, "FLIGHT.MP4", *(["--out", "map"] if command == "reprocess" else []), cwd=tmp_path)

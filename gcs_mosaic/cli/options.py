@@ -330,7 +330,7 @@ def _add_mission(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--height", type=_metres, metavar="M", help=told)
     told = "mission: instead, ground where a person would have been seen with a lower probability, as 0.8"
     parser.add_argument("--below", type=_probability, metavar="P", help=told)
-    told = f"who is sought, for --below and geojson: {'|'.join(POSTURES)},{'|'.join(CLOTHES)}; default lying,blue"
+    told = f"who is sought, for --below, geojson and debriefing: {'|'.join(POSTURES)},{'|'.join(CLOTHES)}; default lying,blue"
     parser.add_argument("--person", type=_person, metavar="POSTURE,CLOTHES", help=told)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,12 +121,18 @@ def detection_map(
     measured: MeasuredFrames,
     person: Person,
     side: float,
+    numbers: Collection[int] | None = None,
 ) -> DetectionMap:
-    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person."""
+    """Of an island, of what is measured so far. `whole`, `gaps`: what was seen of it, and what not; `side`: of the person;
+    `numbers`: of the frames that count, None for all."""
     table = view.table()
     grid = _coarse(whole.grid, footprint_of(table.boxes[table.islands == island]))
     looks = _Looks((grid.rows, grid.columns))
-    ours = [index for index, one in enumerate(table.frames) if one.island == island]
+    ours = [
+        index
+        for index, one in enumerate(table.frames)
+        if one.island == island and (numbers is None or one.number in numbers)
+    ]
     unstated = np.zeros_like(looks.is_seen)
     of_frames = [measured.of(table.frames[index]) for index in ours]
     for index, found in zip(ours, of_frames, strict=True):

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from statistics import median
 
 import numpy as np
@@ -51,11 +51,16 @@ class Detections:
             is_full = sum(one.count for one in self._sizes.values()) >= MOST_MEASURED
         return measured is not None and not is_full and measured.step()
 
-    def whole(self, island: int, person: Person, side_units: float) -> DetectionMap | None:
-        """As `of`, once all frames are measured: it takes as long as that takes."""
-        self.of(island, person, side_units)
+    def whole(
+        self, island: int, person: Person, side_units: float, told: Callable[[int, int], None] | None = None
+    ) -> DetectionMap | None:
+        """As `of`, once all frames are measured: it takes as long as that takes. `told`: of how many that are measured."""
+        begun = self.of(island, person, side_units)
+        frames, done = (0, 0) if begun is None else (begun.frames, begun.measured)
         while self.step():
-            pass
+            done += 1
+            if told is not None:
+                told(min(done, frames), frames)
         with self._lock:
             self._maps.clear()
         return self.of(island, person, side_units)
@@ -72,6 +77,17 @@ class Detections:
             told = f"{done} of {frames} frames are measured for this person so far"
             raise UsageError(f"{told}: show the layer under Probability until all are, then ask again.")
         return found
+
+    def of_some(self, island: int, person: Person, side_units: float, numbers: Collection[int]) -> DetectionMap | None:
+        """As `of`, as if there were only the frames of these numbers; it is not kept."""
+        size = _size_of(side_units)
+        with self._lock:
+            measured = self._measured(size, island)
+        seen = self._coverage_of(island)
+        if seen.coverage is None:
+            return None
+        side = math.exp(size / SIZE_STEPS)
+        return detection_map(self._view, island, seen.coverage, seen.gaps, measured, person, side, numbers)
 
     def forget_pictures(self) -> None:
         """Nobody is asking."""

@@ -133,10 +133,11 @@ def _mission(kind: str) -> Write:
     return write
 
 
-def _debriefing(flight: Path, target: Path, _: Wish, __: Console) -> str:
+def _debriefing(flight: Path, target: Path, wish: Wish, console: Console) -> str:
     from gcs_mosaic.export.debriefing import export_debriefing
 
-    return export_debriefing(flight, target)
+    with _progress(console) as progress:
+        return export_debriefing(flight, target, wish.person, progress)
 
 
 def _geojson(flight: Path, target: Path, wish: Wish, _: Console) -> str:
@@ -224,7 +225,7 @@ FORMATS: Mapping[str, Format] = {
     "finds-csv": _form("finds.csv", _finds("csv")),
     "finds-kml": _form("finds.kml", _finds("kml")),
     "finds-report": _form("finds.html", _finds("report")),
-    "debriefing": _form("debriefing.html", _debriefing),
+    "debriefing": _form("debriefing.html", _debriefing, "person"),
     "mission-plan": _form("gaps.plan", _mission("plan"), *OF_A_MISSION),
     "mission-waypoints": _form("gaps.waypoints", _mission("waypoints"), *OF_A_MISSION),
     "mission-kml": _form("gaps.kml", _mission("kml"), *OF_A_MISSION),

@@ -2,6 +2,6 @@
 
 All of it is advice to people and is made of the finished map: nothing here is sent to an aircraft.
 
-May import `geo`, `notes`, `integral`, `views`, `store`, `render`, `stitch.arrays`, `messages` and
+May import `detection`, `geo`, `notes`, `integral`, `views`, `store`, `render`, `stitch.arrays`, `messages` and
 `errors`; called by `export` and `web`.
 """

@@ -15,14 +15,16 @@ from gcs_mosaic.stitch.transaction import Kept
 # Share of an island's frames finer than the one its level is chosen for: a level finer than needed costs four times the pixels,
 # and a flight begins with a climb.
 FINER = 0.75
-# Of a frame, painted at first: more than a screen shows of it, and a fraction of a second's work.
-FIRST_PIXELS = 4_000_000
+# A frame of more than the first is painted with at most the second of them at first: as many as an old screen has, a tenth of a
+# second's work.
+LARGE_PIXELS, FIRST_PIXELS = 4_000_000, 1_500_000
 
 
 def coarser_at_first(painted: RenderItem) -> RenderItem:
-    """A frame at the level at which a new one is painted: the finest, up to its own, at which it has about `FIRST_PIXELS`."""
-    beyond = painted.camera.width * painted.camera.height / FIRST_PIXELS
-    coarser = max(0, math.ceil(math.log(beyond, 4)))
+    """A frame at the level at which a new one is painted: its own, or if it is large the finest at which it has no more than
+    `FIRST_PIXELS`."""
+    pixels = painted.camera.width * painted.camera.height
+    coarser = math.ceil(math.log(pixels / FIRST_PIXELS, 4)) if pixels > LARGE_PIXELS else 0
     return replace(painted, level=max(0, painted.level - coarser))
 
 

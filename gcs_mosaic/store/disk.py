@@ -41,7 +41,7 @@ def telling_disk_full(path: Path) -> Iterator[None]:
     except (OSError, sqlite3.Error) as error:
         if not is_disk_full(error):
             raise
-        raise DiskFull(f"the disk is full, {path} could not be written: free some space, then it goes on") from error
+        raise DiskFull(f"the disk is full: free some space, then it goes on ({path} could not be written)") from error
 
 
 def make_folder(path: Path, root: inside.Root, *, durable: bool = False) -> None:

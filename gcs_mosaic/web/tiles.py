@@ -7,12 +7,13 @@ import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 from aiohttp import web
 
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
-from gcs_mosaic.views.tile_reader import filled
+from gcs_mosaic.views.tile_reader import EncodedTile, filled
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
 from gcs_mosaic.web.choosing import ROOT
@@ -20,6 +21,7 @@ from gcs_mosaic.web.tile_answer import tile_answer
 
 TILE_PATH = r"/tiles/{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}{suffix:(\.[a-z]{3,4})?}"
 REVISION = re.compile("[0-9]{1,18}")
+GONE = "The flight's folder is gone: put it back where it was.\n"
 
 ANSWERED = web.AppKey("answered", AnsweredTiles)
 TILE_POOL = web.AppKey("tile_pool", ThreadPoolExecutor)
@@ -43,20 +45,31 @@ class RevisionQuery:
         tagged=True,
     ),
     query=RevisionQuery,
-    failures={404: "There is no such tile."},
+    failures={404: "There is no such tile.", 503: "The flight's folder is gone."},
     about={"suffix": "may be left out"},
 )
 async def tile(request: web.Request) -> web.StreamResponse:
     """One tile with its holes filled."""
     island, wanted = requested_tile(request)
     pool, kept = request.app[TILE_POOL], request.app[ANSWERED]
-    make = partial(filled, request.app[ROOT], island, wanted)
+    make = partial(made, request.app[ROOT], island, wanted)
     revision = request.query.get("r", "")
     least = int(revision) if REVISION.fullmatch(revision) else 0
-    encoded = await asyncio.get_running_loop().run_in_executor(pool, kept.get, island, wanted, least, make)
+    try:
+        encoded = await asyncio.get_running_loop().run_in_executor(pool, kept.get, island, wanted, least, make)
+    except FileNotFoundError as error:
+        raise web.HTTPServiceUnavailable(text=GONE) from error
     if encoded is None:
         return tile_answer(request, None)
     return tile_answer(request, encoded.data, encoded.media_type)
+
+
+def made(root: Path, island: int, wanted: Tile) -> EncodedTile | None:
+    """As `tile_reader.filled`. Raises FileNotFoundError where the flight's folder is gone: nobody can tell then what was seen."""
+    encoded = filled(root, island, wanted)
+    if encoded is None and not root.is_dir():
+        raise FileNotFoundError(root)
+    return encoded
 
 
 def requested_tile(request: web.Request) -> tuple[int, Tile]:

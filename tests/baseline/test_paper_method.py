@@ -121,6 +121,7 @@ def test_surf_without_mahotas_is_told_in_one_sentence(
     assert not out.exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_folder_that_has_grown_is_stitched_again(frames: Path, tmp_path: Path) -> None:
     """Nothing of the one picture is kept to go on with."""
@@ -131,6 +132,7 @@ def test_a_folder_that_has_grown_is_stitched_again(frames: Path, tmp_path: Path)
     assert json.loads((tmp_path / "out" / "mosaic.json").read_text())["frames"]["placed"] == 4
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_flights_are_merged_so_too(out: Path, frames: Path, tmp_path: Path) -> None:
     other, settings = tmp_path / "other", tmp_path / "settings.yaml"

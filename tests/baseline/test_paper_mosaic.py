@@ -13,6 +13,7 @@ from gcs_mosaic.stitch.arrays import ImageBGR
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, pixel_grid, similarity_between
 from gcs_mosaic.stitch.features.detectors import FeatureKind
 from gcs_mosaic.stitch.graph.placement import Placement, Rejection
+from tests.tiers import thorough
 
 LINE = [Pose(600.0 + 90 * k, 700.0 + 20 * k, 0.0, 0.1 * k) for k in range(5)]
 
@@ -39,7 +40,7 @@ def laid_error(placements: Sequence[Placement], poses: Sequence[Pose]) -> float:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["sift", "orb", "surf"])
+@pytest.mark.parametrize("kind", ["sift", thorough("orb"), thorough("surf")])
 def test_a_short_flight_lies_where_it_was_taken(ground: ImageBGR, kind: FeatureKind) -> None:
     if kind == "surf":
         pytest.importorskip("mahotas")

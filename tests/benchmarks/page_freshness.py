@@ -12,6 +12,7 @@ import argparse
 import http.client
 import json
 import multiprocessing
+import os
 import statistics
 import tempfile
 import threading
@@ -60,8 +61,12 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, busy(given.load):
         found = flown(Path(folder), given.frames)
+    print(f"load of the machine meanwhile {os.getloadavg()[0]:.0f}")
     for name, one in found.items():
         behind, took = (sorted(values) for values in (one.behind, one.took))
+        if not behind:
+            print(f"{name}: no answer came, {one.failed} failed: the machine is too busy, or the page is not served")
+            continue
         print(
             f"{name}: {len(behind)} answers, {one.failed} failed; behind {statistics.median(behind):.2f} s (median), "
             f"{behind[int(0.95 * len(behind))]:.2f} s (95 %), at most {behind[-1]:.2f} s; "

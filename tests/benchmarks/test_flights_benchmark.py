@@ -165,6 +165,7 @@ def test_a_flight_is_run_and_judged(tmp_path: Path) -> None:
     assert found.memory_mb
 
 
+@pytest.mark.thorough
 def test_the_whole_program_makes_the_same_of_it(tmp_path: Path) -> None:
     task = Task(made_flight(tmp_path / "flight", 4), scale=1)
     core, full = flight_run.run(task), flight_run.run(replace(task, full=True))

@@ -13,6 +13,7 @@ from tests.running import six_pictures
 pytestmark = pytest.mark.long
 
 
+@pytest.mark.thorough
 def test_a_flood_of_triggers_costs_two_shots_at_most(tmp_path: Path, world_cache: Path) -> None:
     """Those before the camera is known by its files; of 40 shots in a longer one that is a twentieth."""
     outcome = flood(tmp_path, 5.0, 1000, six_pictures(world_cache))

@@ -22,6 +22,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Fligh
     return Flight(folder)
 
 
+@pytest.mark.thorough
 def test_the_first_stitch_is_judged_by_the_truth(flight: Flight) -> None:
     found = run(Run("paper", flight.frames[:2], 0.5), limit=120)
     cells = flight.cells(found, 120)
@@ -35,6 +36,7 @@ def test_the_first_stitch_is_judged_by_the_truth(flight: Flight) -> None:
     assert cells[8] == ""
 
 
+@pytest.mark.thorough
 def test_whoever_takes_too_long_is_stopped(flight: Flight) -> None:
     found = run(Run("adjusted", flight.frames, 1.0), limit=0.2)
     assert found["code"] is None

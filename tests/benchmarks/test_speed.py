@@ -47,6 +47,7 @@ def test_the_floor_is_that_of_every_size(frames: Path, tmp_path: Path) -> None:
     assert floor.all == floor.decode + floor.warp + floor.encode
 
 
+@pytest.mark.thorough
 def test_each_stage_of_a_stitch_is_measured(frames: Path) -> None:
     ((_, costs),) = each(measured, [Work(tuple(pictures_in(frames)), 0.5)])
     assert not isinstance(costs, Failed)
@@ -59,6 +60,7 @@ def test_each_stage_of_a_stitch_is_measured(frames: Path) -> None:
     assert costs.resident_mb > 50
 
 
+@pytest.mark.thorough
 def test_a_live_flight_is_measured(frames: Path, tmp_path: Path) -> None:
     flown = fly(pictures_in(frames), 0.3, tmp_path, "log: {level: debug}\n", page=False)
     assert flown.done.keys() == flown.whole.keys() == {path.name for path in pictures_in(frames)}

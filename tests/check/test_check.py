@@ -37,9 +37,9 @@ def pictures(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Pat
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory, pictures: Path) -> Path:
+def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """A flight of six frames that has ended."""
-    return ended_flight(tmp_path_factory.mktemp("flown") / "mosaic", pictures)
+    return ended_flight(tmp_path_factory.mktemp("flown") / "mosaic", world_cache)
 
 
 @pytest.fixture

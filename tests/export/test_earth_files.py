@@ -89,7 +89,7 @@ def test_a_tiff_with_coordinates(flight: AnchoredFlight, export: Export, format_
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("crs", ["EPSG:3857", "utm"])
+@pytest.mark.parametrize("crs", ["EPSG:3857", thorough("utm")])
 def test_a_cog_is_one(export: Export, crs: str) -> None:
     is_one, errors, warnings = cog_validate(str(export("cog", "--crs", crs, to="map.tif")), strict=True, quiet=True)
     assert is_one, errors

@@ -19,6 +19,7 @@ from gcs_mosaic.store.ledger import Ledger
 from sitl.score import score
 from tests.export.multiband_flight import WINDOW, Flown, finest_gsd, flown, ground_counts, ground_from_canvas, middle
 from tests.sure import sure
+from tests.tiers import thorough
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def truth(one: Flown, about: dict[str, Any], columns: slice, rows: slice) -> np.
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["five", "thermal"])
+@pytest.mark.parametrize("kind", ["five", thorough("thermal")])
 def test_every_frame_finds_its_place(kind: str, request: pytest.FixtureRequest) -> None:
     one = request.getfixturevalue(kind)
     judged = score(one.flight.truth(), one.placements)
@@ -62,7 +63,7 @@ def test_every_frame_finds_its_place(kind: str, request: pytest.FixtureRequest) 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["five", "thermal"])
+@pytest.mark.parametrize("kind", ["five", thorough("thermal")])
 def test_every_band_shows_the_ground_at_its_depth(kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Above 255, in the same place in all bands, and off by what interpolation and noise do."""
     one = request.getfixturevalue(kind)

@@ -118,6 +118,7 @@ def swept(share: float, monkeypatch: pytest.MonkeyPatch) -> tuple[float, float]:
     return moves / fits, math.exp(float(np.mean(np.log(behind))))
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_a_third_of_the_stated_error_is_where_the_map_stands_still_and_loses_nothing(
     monkeypatch: pytest.MonkeyPatch,

@@ -17,7 +17,7 @@ from gcs_mosaic.notes.finds.report import CROP
 from gcs_mosaic.notes.ground.binding import GroundFollower
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.views.flight_view import FlightView
-from tests.ended_flights import ended_flight, photographed
+from tests.ended_flights import ended_flight
 
 pytestmark = pytest.mark.long
 
@@ -38,8 +38,7 @@ def places_by_looks(root: Path) -> dict[int, tuple[float, float]]:
 def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     """With a find that one frame sees, and another one that three or more do."""
     folder = tmp_path_factory.mktemp("beneath")
-    (folder / "frames").mkdir()
-    root = ended_flight(folder / "flight", photographed(folder / "frames", world_cache))
+    root = ended_flight(folder / "flight", world_cache)
     places = places_by_looks(root)
     with closing(NotesBook(root)) as book:
         for label, place in {"alone": places[1], "often": places[max(places)]}.items():

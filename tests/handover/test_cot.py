@@ -99,6 +99,25 @@ def test_a_second_implementation_reads_it(root: Path) -> None:
     assert read.cotEvent.lat == pytest.approx(47.4, abs=0.1)
 
 
+def test_it_keeps_the_rules_of_the_schema(root: Path) -> None:
+    """MITRE's Event schema 2.0: what is required, in which shape and range; nothing else stands in the event or its point."""
+    event = ET.fromstring(as_cot(found(root, NASTY), "flight", None, 1.8e9))
+    required = {"version", "uid", "type", "time", "start", "stale", "how"}
+    assert set(event.keys()) == required
+    assert float(event.get("version", "")) >= 2
+    assert re.fullmatch(r"\w+(-\w+)*(;[^;]*)?", event.get("type", ""))
+    assert re.fullmatch(r"\w(-\w+)*", event.get("how", ""))
+    times = [event.get(name, "") for name in ("start", "time", "stale")]
+    assert all(re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?Z", one) for one in times)
+    assert times == sorted(times)
+    assert [child.tag for child in event] == ["point", "detail"]
+    point = event[0]
+    assert set(point.keys()) == {"lat", "lon", "hae", "ce", "le"}
+    assert all(re.fullmatch(r"-?\d+(\.\d+)?", value) for value in point.attrib.values()), "decimals, never 1e-05"
+    assert abs(float(point.get("lat", ""))) <= 90
+    assert abs(float(point.get("lon", ""))) <= 180
+
+
 def test_without_an_anchor_nothing_is_made(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no anchor"):
         as_cot(found(gapped_flight(tmp_path / "flight", pinned=False)), "flight", None, 1.0)

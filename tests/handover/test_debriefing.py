@@ -68,7 +68,7 @@ def test_it_tells_all_and_needs_no_network(flight: Path, capsys: pytest.CaptureF
     assert "<title>gapped: debriefing</title>" in page
     assert "&lt;script&gt;" in page
     assert len(re.findall("<polygon ", page)) == 1
-    (way,) = re.findall(r'<polyline points="([^"]+)"', page)
+    (way,) = re.findall(r'<g class="way"><polyline points="([^"]+)"', page)
     assert len(way.split()) == 36
     area = re.search(r"inside of it not seen</th><td>(\d+) m²", page)
     assert area is not None

@@ -222,6 +222,7 @@ def test_the_page_seeks_once_somebody_wants_it_and_what_is_dismissed_stays_so(cl
     until(lambda: client.get("/hints")["state"] == "off", "the process has ended", 10)
 
 
+@pytest.mark.thorough
 def test_a_colour_picked_on_the_map_is_marked_everywhere(client: Writer, flight: Flight, root: Path) -> None:
     frame, sight = next((frame, one) for frame in flight.truth().frames for one in frame.sightings)
     number = next(one.number for one in FlightView(root).table().frames if one.name == Path(frame.name).name)

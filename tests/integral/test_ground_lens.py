@@ -15,7 +15,7 @@ from gcs_mosaic.integral.forms import looks_of, mean
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
 from gcs_mosaic.integral.lens_keeper import LensKeeper, LensWish
 from gcs_mosaic.views.flight_view import FlightView
-from tests.ended_flights import ended_flight, photographed
+from tests.ended_flights import ended_flight
 
 pytestmark = pytest.mark.long
 
@@ -23,8 +23,7 @@ pytestmark = pytest.mark.long
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     folder = tmp_path_factory.mktemp("looks")
-    (folder / "frames").mkdir()
-    return ended_flight(folder / "flight", photographed(folder / "frames", world_cache))
+    return ended_flight(folder / "flight", world_cache)
 
 
 def place_of(flight: Path) -> tuple[int, float, float]:

@@ -21,7 +21,7 @@ from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, level_from_canvas
 from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.views.flight_view import FlightView, FrameTable, table_of
-from tests.ended_flights import ended_flight, photographed
+from tests.ended_flights import ended_flight
 from tests.sure import sure
 
 pytestmark = pytest.mark.long
@@ -31,8 +31,7 @@ LEVEL = 16
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     folder = tmp_path_factory.mktemp("ground")
-    (folder / "frames").mkdir()
-    return ended_flight(folder / "flight", photographed(folder / "frames", world_cache))
+    return ended_flight(folder / "flight", world_cache)
 
 
 def keys_of(view: FlightView, height: float | None, z: int = LEVEL) -> list[PartKey]:

@@ -40,6 +40,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> _Clock:
 @pytest.fixture
 def queue(monkeypatch: pytest.MonkeyPatch, clock: _Clock) -> Iterator[RepaintQueue]:
     """Whose frames are large: a level coarser they still have as many pixels as are painted at first."""
+    monkeypatch.setattr(levels, "LARGE_PIXELS", SMALL.width * SMALL.height - 1)
     monkeypatch.setattr(levels, "FIRST_PIXELS", SMALL.width * SMALL.height // 4)
     queue = RepaintQueue(TileCompositor(lambda name: picture(int(name))), lambda painted: None, PaintSettings())
     yield queue
@@ -66,7 +67,7 @@ def levels_of(queue: RepaintQueue) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "coarser"), [(4000, 3000, 1), (2000, 2000, 0), (8000, 6000, 2), (640, 480, 0)]
+    ("width", "height", "coarser"), [(4000, 3000, 2), (2000, 2000, 0), (2300, 1800, 1), (8000, 6000, 3), (640, 480, 0)]
 )
 def test_a_frame_is_as_much_coarser_as_it_is_too_large(width: int, height: int, coarser: int) -> None:
     camera = replace(SMALL, width=width, height=height)

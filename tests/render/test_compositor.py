@@ -25,6 +25,7 @@ from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera
 from tests.sure import sure
+from tests.tiers import thorough
 
 MIDDLE = 1 << 15
 Canvases = Callable[..., TileCompositor]  # makes one by its settings
@@ -89,7 +90,7 @@ def assert_same(one: dict[Tile, TilePicture], other: dict[Tile, TilePicture]) ->
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, thorough(1), thorough(2)])
 @pytest.mark.parametrize("blend", MODES)
 def test_whatever_the_way_the_tiles_are_those_of_a_rebuild(canvas: Canvases, blend: str, seed: int) -> None:
     rng = random.Random(seed)

@@ -15,6 +15,7 @@ from tests.sure import sure
 FLY = ["--rtsp", "--count", "5", "--size", "640x480", "--interval", "0.8", "--no-http"]
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 @pytest.mark.skipif(python_with_gstreamer() is None, reason=f"needs GStreamer: apt-get install {NEEDED}")
 def test_every_picture_of_a_flight_is_taken_from_the_stream(

@@ -6,10 +6,12 @@ A frame may wait for ever; it must never lie where it was not taken. `tests/benc
 import pytest
 from adversarial_flights import Shot, assert_nothing_is_mixed_up, in_turn, islands_of, shots, stitched, written_on
 
+from tests.tiers import thorough
+
 pytestmark = pytest.mark.long
 
 
-@pytest.mark.parametrize("ground", ["rows", "cars"])
+@pytest.mark.parametrize("ground", [thorough("rows"), "cars"])
 def test_ground_that_repeats_itself_misplaces_nothing(ground: str) -> None:
     taken = in_turn(*(shots(ground, seed, frames=6) for seed in (1, 2)))
     mosaic = stitched(taken)

@@ -13,6 +13,7 @@ TWINS = pytest.mark.xfail(
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("blocks", ["quarter", pytest.param("barracks", marks=pytest.mark.thorough)])
 def test_a_flight_along_the_rows_is_placed(blocks: str) -> None:
     taken = shots(blocks, 1, frames=8, height=80, relief=1)

@@ -6,6 +6,7 @@ from adversarial_flights import ONE_LINE, assert_nothing_is_mixed_up, in_turn, s
 pytestmark, THOROUGH = pytest.mark.long, pytest.mark.thorough
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("crop", "height"),
     [("maize", 40), *(pytest.param(crop, 60, marks=THOROUGH) for crop in ("berries", "vines"))],

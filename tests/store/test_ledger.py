@@ -292,7 +292,7 @@ def test_full_disk_is_said_and_survived(tiny_disk: Path) -> None:
         filler = tiny_disk / "filler"
         with pytest.raises(OSError, match="No space left"):
             filler.write_bytes(b"x" * 2_000_000)
-        with pytest.raises(DiskFull, match=r"disk is full, .*flight\.sqlite"):
+        with pytest.raises(DiskFull, match=r"disk is full: .*flight\.sqlite"):
             fill(ledger)
         known = [frame.name for frame in ledger.frames()]
         assert known[0] == "before.jpg"

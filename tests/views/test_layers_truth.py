@@ -20,8 +20,9 @@ from sitl.similarity import robust_similarity
 from tests.documents import document_at
 from tests.running import run
 from tests.sure import sure
+from tests.tiers import THOROUGH
 
-pytestmark = pytest.mark.long
+pytestmark = THOROUGH
 
 ROUTE = Plan(frames=45, forward=0.7, side=0.3, height=60.0, tilt=0.15, wind=4.0)
 MISSING = range(20, 23)  # frames, in the middle of a line

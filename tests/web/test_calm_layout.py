@@ -5,13 +5,16 @@ At four sizes, with one, two and four aircraft, with none to three conditions, i
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gcs_mosaic.store.manifest import IslandEntry
 from gcs_mosaic.store.status import AircraftStatus, Condition
+from tests.tiers import thorough
 from tests.web.browser import CHROMIUM, Page
 from tests.web.seen_flight import seen_flight
 from tests.web.served import served
@@ -22,7 +25,11 @@ pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no 
 SIZES = [(1366, 768), (1024, 768), (400, 800), (1920, 1080)]
 MAP_SHARE = {(400, 800): 0.75, (1024, 768): 0.85, (1366, 768): 0.85, (1920, 1080): 0.85}  # of the screen
 SENTENCES = [
-    ("error", "The disk is full: the map stays in memory, and nothing is kept. Free some space"),
+    (
+        "error",
+        "the disk is full: free some space, then it goes on (/srv/flights/FIELD-SSD/2026-11-27 search/mosaic/flight.sqlite "
+        "could not be written)",
+    ),
     ("warning", "The last 3 frames match nothing on the map: fly back over ground that is on it"),
     (
         "warning",
@@ -125,7 +132,7 @@ def opened(page: Page, url: str, size: tuple[int, int], language: str) -> None:
     page.wait_for("/[1-9]/.test(document.getElementById('gaps').textContent)")
 
 
-@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("language", [thorough("en"), "de"])  # whose words are longer
 @pytest.mark.parametrize("size", SIZES, ids=str)
 def test_nothing_lies_over_anything_else(
     page: Page, url: str, flight: SmallFlight, size: tuple[int, int], language: str
@@ -145,7 +152,7 @@ def test_nothing_lies_over_anything_else(
     assert faults == {}
 
 
-@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize("size", [*map(thorough, SIZES[::3]), *SIZES[1:3]], ids=str)
 def test_what_is_shown_over_the_map_finds_its_place(
     page: Page, url: str, flight: SmallFlight, size: tuple[int, int]
 ) -> None:
@@ -174,12 +181,25 @@ def test_what_is_shown_over_the_map_finds_its_place(
     assert page.evaluate(FAULTS) == []
 
 
-@pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize("size", [*map(thorough, SIZES[::3]), *SIZES[1:3]], ids=str)
 def test_the_map_has_most_of_the_screen(page: Page, url: str, flight: SmallFlight, size: tuple[int, int]) -> None:
     told(flight, 4, 3)
     opened(page, url, size, "en")
     shows(page, 4, 3)
     assert page.evaluate(SHARE) >= MAP_SHARE[size]
+
+
+def test_a_long_state_stands_beside_its_light_on_a_phone(page: Page, tmp_path: Path) -> None:
+    """It was broken off below its light where frames and gaps take half of the line."""
+    flight = seen_flight(tmp_path)
+    with served(flight.root) as url:
+        flight.status(updated_utc=time.time() - 60)
+        opened(page, url, (400, 800), "de")
+        page.wait_for("document.getElementById('state').className === 'bad'")
+        light, title = (f"document.querySelector('#state {one}').getBoundingClientRect()" for one in ("i", "b"))
+        assert page.evaluate(f"{light}.right <= {title}.left && {title}.top < {light}.bottom")
+        assert page.evaluate(f"{title}.height < 40"), "in one line"
+        page.open("about:blank")
 
 
 def test_a_find_can_be_placed_on_a_phone(page: Page, url: str, flight: SmallFlight) -> None:

@@ -18,7 +18,7 @@ from gcs_mosaic.render.tile_grid import TILE_SIZE, level_from_canvas
 from gcs_mosaic.views.flight_view import FlightView
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
-from tests.ended_flights import ended_flight, photographed
+from tests.ended_flights import ended_flight
 from tests.web.browser import CHROMIUM, open_browser
 
 pytestmark = pytest.mark.long
@@ -31,8 +31,7 @@ SHOWN = "[...document.querySelectorAll('.ground-tile img')].filter((one) => one.
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     folder = tmp_path_factory.mktemp("trees")
-    (folder / "frames").mkdir()
-    return ended_flight(folder / "flight", photographed(folder / "frames", world_cache))
+    return ended_flight(folder / "flight", world_cache)
 
 
 @pytest.fixture(scope="module")

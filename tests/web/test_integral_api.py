@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from gcs_mosaic.views.flight_view import FlightView
-from tests.ended_flights import ended_flight, photographed
+from tests.ended_flights import ended_flight
 from tests.web.browser import CHROMIUM, Page
 from tests.web.served import served
 
@@ -27,8 +27,7 @@ TOLD, SAID = (f"document.getElementById('trees-{one}')" for one in ("told", "sai
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     folder = tmp_path_factory.mktemp("lens")
-    (folder / "frames").mkdir()
-    return ended_flight(folder / "flight", photographed(folder / "frames", world_cache))
+    return ended_flight(folder / "flight", world_cache)
 
 
 @pytest.fixture(scope="module")

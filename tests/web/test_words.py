@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -18,7 +21,11 @@ from gcs_mosaic.handover.mission import NO_ANCHOR, TOO_LARGE, MissionWish, nothi
 from gcs_mosaic.handover.patches import NO_GROUND
 from gcs_mosaic.integral.ground_tiles import FAILED, FROM_AFAR
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
+from gcs_mosaic.store.disk import CannotWrite, telling_disk_full
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.guard import PUT_BACK
 from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.store.retry import ADVICE, UntilWritable
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import area_words, legends
 from gcs_mosaic.web.address import HttpAddress
@@ -117,10 +124,37 @@ def sentences_of_the_server() -> list[str]:
         conditions = Conditions()
         conditions.so_now(facts)
         told += [one.text for one in conditions.so_now(replace(facts, utc=facts.utc + 11))]
+    told += sentences_of_the_disk()
     lost = Conditions()
     for vehicle in (None, None, None, 2, 2, 2):
         lost.frame(FrameState.WAITING, vehicle)
     return told + [one.text for one in lost.so_now(FLYING)]
+
+
+def sentences_of_the_disk() -> list[str]:
+    """What is told while nothing can be written, the worst that can be: full, gone, somebody else's."""
+
+    def wait(trouble: CannotWrite) -> None:
+        raise trouble
+
+    def failing(number: int) -> None:
+        with telling_disk_full(Path("/m/flight.sqlite")):
+            raise OSError(number, os.strerror(number), "/m/flight.sqlite")
+
+    told = []
+    for number in (errno.ENOSPC, errno.ENOENT, *ADVICE):
+        with pytest.raises(CannotWrite) as trouble:
+            UntilWritable(Path("/m"), lambda _: None, wait)(partial(failing, number))
+        told.append(str(trouble.value))
+    gone = [f"{what} is gone; {PUT_BACK}" for what in ("the folder", "its mount")]
+    left = "left as it is: move it away, then it goes on"
+    strange = [
+        f"the {LEDGER_NAME} there is not this flight's, and {left}",
+        f"it has a tiles of its own, which is {left}",
+    ]
+    told += [f"/m cannot be written: {obstacle}" for obstacle in (*gone, *strange)]
+    told.append("/m is being written by another gcs-mosaic: end that one, then it goes on")
+    return [*told, "/m/flight.sqlite is locked by another program: close it there, then it goes on"]
 
 
 def _slots(text: str) -> list[str]:

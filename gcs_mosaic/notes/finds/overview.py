@@ -25,10 +25,13 @@ logger = logging.getLogger(__name__)
 MOST_PIXELS = 1_500_000  # 0.3 MB as a JPEG; more than a sheet of paper shows
 QUALITY = 80
 UNSEEN = 224  # grey level of what nobody saw
+LAYERS = ("way", "gaps", "unreviewed", "probability", "marks")  # that can be hidden
 OVERVIEW_STYLE = """
 .map { position: relative; margin: 3mm 0; border: 0.3mm solid #888 } .map img { aspect-ratio: auto; margin: 0 }
-.map svg { position: absolute; inset: 0; width: 100%; height: 100% }
-"""
+.map svg { position: absolute; inset: 0; width: 100%; height: 100% } .map image { image-rendering: pixelated }
+.curves { display: block; width: 100%; margin: 2mm 0 0; font-size: 11px } .layered label { margin-right: 3mm }
+.bar { width: 30mm; height: 3mm; vertical-align: middle } .swatch { width: 6mm; height: 2.4mm; margin-left: 2mm }
+""" + "".join(f".layered .{kind}:not(:checked) ~ .map g.{kind} {{ display: none }}\n" for kind in LAYERS)
 
 
 @dataclass(frozen=True, slots=True)

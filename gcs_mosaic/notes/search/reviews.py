@@ -19,7 +19,7 @@ from gcs_mosaic.notes.search.seen_ground import CELL, NUMBERS, StampedGround, is
 from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.render.tile_grid import HALF_SPAN, Box
-from gcs_mosaic.stitch.arrays import Mask
+from gcs_mosaic.stitch.arrays import Array, Mask
 
 MOST_CELLS = 4096  # of one look; from further away nobody reviews
 MOST_ROWS = 400_000  # 20 MB
@@ -118,24 +118,28 @@ class Reviews:
         looks = list(self._looks(question))
         looked = np.array([ALWAYS if stamp is None else stamp for *_, stamp in looks], np.int64)
         now = np.array([seen.get((x, y), 0) for x, y, *_ in looks], np.int64)
-        for (x, y, seconds, _), is_known in zip(looks, is_as_seen(looked, now).tolist(), strict=True):
+        for (x, y, seconds, *_), is_known in zip(looks, is_as_seen(looked, now).tolist(), strict=True):
             if is_known:
                 sums[x, y] = sums.get((x, y), 0.0) + seconds
         return {cell for cell, seconds in sums.items() if seconds >= question.seconds}
 
     def open_in(self, ground: StampedGround, island: int, level: int) -> Mask:
         """Which cells of an island's ground (lines, columns) nobody has looked at as they are now, at this level or finer."""
-        is_open = np.asarray(ground.stamps > 0)
-        looks = [
-            (x, y, ALWAYS if stamp is None else stamp)
-            for x, y, _, stamp in self._looks(Question(island=island, box=ground.box, level=level))
-        ]
-        if looks and is_open.size:
-            x, y, looked = np.array(looks, np.int64).T
+        return np.asarray((ground.stamps > 0) & np.isnan(self.looked_in(ground, island, level)))
+
+    def looked_in(self, ground: StampedGround, island: int, level: int, who: str | None = None) -> Array:
+        """When the cells of an island's ground (lines, columns) were looked at as they are now, at this level or finer, by `who`
+        or anybody: seconds since 1970, of each who did their last look, of those the first; NaN where nobody has."""
+        found = np.full(ground.stamps.shape, np.nan)
+        question = Question(island=island, box=ground.box, level=level, who=who)
+        looks = [(x, y, ALWAYS if stamp is None else stamp, utc) for x, y, _, utc, stamp in self._looks(question)]
+        if looks and found.size:
+            x, y, looked = np.array([one[:3] for one in looks], np.int64).T
+            utc = np.array([one[3] for one in looks])
             lines, columns = y - ground.y, x - ground.x
-            done = is_as_seen(looked, ground.stamps[lines, columns])
-            is_open[lines[done], columns[done]] = False
-        return is_open
+            done = is_as_seen(looked, ground.stamps[lines, columns]) & (ground.stamps[lines, columns] > 0)
+            np.fmin.at(found, (lines[done], columns[done]), utc[done])
+        return found
 
     def last_of(self, who: str, island: int) -> tuple[int, int] | None:
         """The cell of an island that somebody looked at last."""
@@ -160,21 +164,22 @@ class Reviews:
             found[who] = max(found.get(who, 0.0), utc)
         return found
 
-    def _looks(self, question: Question) -> Iterator[tuple[int, int, float, int | None]]:
+    def _looks(self, question: Question) -> Iterator[tuple[int, int, float, float, int | None]]:
+        """Column, line, seconds, when last (seconds since 1970), and the stamp."""
         columns, lines = spans(question.box)
         where = "island = ? AND x BETWEEN ? AND ? AND y BETWEEN ? AND ? AND level >= ? AND utc >= ?"
         bounds = (question.island, columns[0], columns[-1], lines[0], lines[-1], question.level, question.since_utc)
         for row in self._book.rows(
-            "SELECT x, y, seconds, newest FROM reviewed JOIN reviewers ON id = reviewer "
+            "SELECT x, y, seconds, utc, newest FROM reviewed JOIN reviewers ON id = reviewer "
             f"WHERE {where} AND (? IS NULL OR name = ?)",
             *bounds,
             *(question.who, question.who),
         ):
-            yield row["x"], row["y"], row["seconds"], row["newest"]
+            yield row["x"], row["y"], row["seconds"], row["utc"], row["newest"]
         for (island, x, y, who, level), (seconds, utc, newest) in self._pending.items():
             is_asked = question.who in (None, who) and level >= question.level and utc >= question.since_utc
             if is_asked and island == question.island and x in columns and y in lines:
-                yield x, y, seconds, newest
+                yield x, y, seconds, utc, newest
 
     def _rows(self) -> int:
         found = self._book.rows("SELECT count(*) AS n FROM reviewed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,10 +16,12 @@ from gcs_mosaic.detection.detection_map import DetectionMap
 from gcs_mosaic.detection.persons import Clothes, Person, Posture
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.anchor import Anchor
+from gcs_mosaic.handover.search_course import Looked, Sought, looked_at
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of
 from gcs_mosaic.notes.anchors.pins import SetPin
 from gcs_mosaic.notes.anchors.scales import IslandScale
 from gcs_mosaic.notes.finds.finds import Find, PlacedFind, placed
+from gcs_mosaic.notes.search.seen_ground import StampedGround
 from gcs_mosaic.notes.storage.checked import Unfit, Who
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.told_islands import told_islands
@@ -75,6 +78,14 @@ class MissionQuery:
         "instead: all ground inside x,y;x,y;... on the island's canvas, so that `looks` frames show each place",
     ] = ""
     at: Annotated[float, Limits(least=0.1, most=4), "height for an outline, in heights of the flight"] = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DebriefingQuery:
+    """Whom the probability is of."""
+
+    posture: Posture = "lying"
+    clothes: Clothes = "blue"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,13 +159,24 @@ async def mission(request: web.Request) -> web.StreamResponse:
 
 
 @OPERATIONS.add(
-    "GET", f"{BASE}/debriefing.html", Reply("The file; it loads nothing.", Media(("text/html",))), failures=NO_NOTES
+    "GET",
+    f"{BASE}/debriefing.html",
+    Reply("The file; it loads nothing.", Media(("text/html",))),
+    query=DebriefingQuery,
+    failures=NO_NOTES,
 )
 async def debriefing(request: web.Request) -> web.StreamResponse:
-    """One file for the debriefing: the map, the aircraft's way, finds, unseen ground, islands and times."""
-    notes = request.app[NOTES]
+    """One file for the debriefing: the map, the aircraft's way, finds, what was not seen and not looked at, by time; the
+    probability of pictures that were measured, which asking under islands/N/detection does."""
+    asked, notes = asked_query(request, DebriefingQuery), request.app[NOTES]
+    person = Person(posture=asked.posture, clothes=asked.clothes)
     (_, *pinned), finds = await notes.run(lambda: (notes.pinned(), notes.finds.all()))
-    text = await in_thread(request, _debriefing, request, pinned, finds, pool=SLOW_POOL)
+    grounds = await in_thread(request, _grounds, request, pool=SLOW_POOL)
+    looked = await notes.run(_looked, notes, grounds)
+    metres = {island: one.metres_per_unit for island, one in (await scales_of(request)).items()}
+    detections = request.app[MEASURING].detections
+    sought = Sought(person, detections, detections.known, metres)
+    text = await in_thread(request, _debriefing, request, pinned, finds, looked, sought, pool=SLOW_POOL)
     from gcs_mosaic.notes.finds.report import POLICY as REPORT_POLICY
 
     policy = f"{REPORT_POLICY}; frame-ancestors 'none'"
@@ -264,12 +286,26 @@ def _placed(notes: Notes, finds: Sequence[Find], pinned: Pinned) -> list[PlacedF
     return placed(finds, notes.follower, anchor_of(notes.islands(*pinned)))
 
 
-def _debriefing(request: web.Request, pinned: Pinned, finds: Sequence[Find]) -> str:
-    from gcs_mosaic.handover.debriefing import as_debriefing  # it loads what decodes
+def _grounds(request: web.Request) -> dict[int, tuple[StampedGround, int]]:
+    """Of each island what is painted, and its finest level."""
+    view, notes = request.app[VIEW], request.app[NOTES]
+    table = view.table()
+    islands = [one for one in told_islands(view.root) if one.get("merged_into") is None]
+    return {one["id"]: (notes.ground.of(table, one["id"], math.inf), one["maxzoom"]) for one in islands}
+
+
+def _looked(notes: Notes, grounds: Mapping[int, tuple[StampedGround, int]]) -> dict[int, Looked]:
+    return {island: looked_at(notes.reviews, ground, island, finest) for island, (ground, finest) in grounds.items()}
+
+
+def _debriefing(
+    request: web.Request, pinned: Pinned, finds: Sequence[Find], looked: Mapping[int, Looked], sought: Sought
+) -> str:
+    from gcs_mosaic.handover.debriefing import Searched, as_debriefing  # it loads what decodes
 
     notes, view, tiles = request.app[NOTES], request.app[VIEW], request.app[TILES]
-    shown, laid = _placed(notes, finds, pinned), notes.islands(*pinned)
-    return as_debriefing(view, shown, laid, tiles.islands.of, time.time())
+    searched = Searched(finds=_placed(notes, finds, pinned), laid=notes.islands(*pinned), looked=looked, sought=sought)
+    return as_debriefing(view, searched, tiles.islands.of, time.time())
 
 
 def _file(

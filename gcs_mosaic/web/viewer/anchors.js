@@ -4,12 +4,14 @@
 import { send, trying } from "/viewer/api.js";
 import { byId } from "/viewer/dom.js";
 import { cornerOf, Laying } from "/viewer/laying.js";
+import { metresIn } from "/viewer/numbers.js";
 import { openPanel } from "/viewer/panels.js";
 import { ChosenPlace } from "/viewer/pointing.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
 const ASK_EVERY_MS = 250; // the coordinate under a moving cursor
+const USUAL_SIGMA_M = 3; // of a receiver in the open
 const NOTATIONS = ["decimal", "dms", "utm", "mgrs"];
 
 export class Anchors {
@@ -34,7 +36,7 @@ export class Anchors {
     this.go.onsubmit = (event) => this.goTo(event);
     byId("anchors-cancel").onclick = () => this.endForm();
     this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
-    for (const name of NOTATIONS) this.notation.append(new Option(name.toUpperCase(), name));
+    for (const name of NOTATIONS) this.notation.append(new Option(name === "decimal" ? t("Degrees") : name.toUpperCase(), name));
     map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
     new Laying(map, placements, () => this.read());
   }
@@ -105,8 +107,9 @@ export class Anchors {
   async save(event) {
     event.preventDefault();
     const { coordinate, sigma, label } = this.form.elements;
-    const body = { ...this.newPlace, coordinate: coordinate.value, sigma_m: Number(sigma.value.replace(",", ".")) || 3, label: label.value };
-    if (!(await trying(this.said, () => send("POST", "/pins", body)))) return;
+    const told = { ...this.newPlace, coordinate: coordinate.value, label: label.value };
+    const kept = await trying(this.said, () => send("POST", "/pins", { ...told, sigma_m: sigma.value.trim() ? metresIn(sigma.value) : USUAL_SIGMA_M }));
+    if (!kept) return;
     this.form.reset();
     this.endForm();
     await this.read();

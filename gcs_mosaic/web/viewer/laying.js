@@ -4,6 +4,7 @@
 
 import { send, trying } from "/viewer/api.js";
 import { byId } from "/viewer/dom.js";
+import { metresIn } from "/viewer/numbers.js";
 import { outlineLayer } from "/viewer/outline.js";
 import { fetchDocument } from "/viewer/server.js";
 import { laidAt, similarity } from "/viewer/similarity.js";
@@ -186,7 +187,8 @@ export class Laying {
   async savePins() {
     const ours = ({ island }) => island === this.island.id;
     const before = (await fetchDocument("/api/v1/anchors")).pins.filter((pin) => ours(pin) && cornerOf(pin.label));
-    const sigma_m = Number(this.form.elements.sigma.value.replace(",", ".")) || USUAL_SIGMA_M;
+    const { value } = this.form.elements.sigma;
+    const sigma_m = value.trim() ? metresIn(value) : USUAL_SIGMA_M;
     for (const [at, spot] of this.spots.entries()) {
       if (!spot) continue;
       const place = this.placements.shownNear(this.island.id, this.corners[at]) ?? this.corners[at];

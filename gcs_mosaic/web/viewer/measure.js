@@ -3,6 +3,7 @@
 
 import { send, trying } from "/viewer/api.js";
 import { byId } from "/viewer/dom.js";
+import { metresIn } from "/viewer/numbers.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
@@ -132,8 +133,8 @@ export class Measure {
   async saveScale(event) {
     event.preventDefault();
     const [from, to] = this.points;
-    const metres = Number(this.metres.elements.metres.value.replace(",", "."));
-    if (await trying(this.said, () => send("POST", "/scale", { island: this.island, from, to, metres }))) this.clearAll();
+    const { value } = this.metres.elements.metres;
+    if (await trying(this.said, () => send("POST", "/scale", { island: this.island, from, to, metres: metresIn(value) }))) this.clearAll();
     await this.read();
   }
 

@@ -3,6 +3,7 @@
 // be looked at through its trees, with how to fly for that.
 
 import { byId, element } from "/viewer/dom.js";
+import { metresIn, percentIn } from "/viewer/numbers.js";
 import { fetchDocument } from "/viewer/server.js";
 import { said, t } from "/viewer/words.js";
 
@@ -26,18 +27,22 @@ export class Mission {
 
   async save() {
     const { looks, below } = this.form.elements;
-    const asked = this.asked({ looks: looks.value });
-    if (below.value.trim()) {
-      for (const [name, value] of Object.entries({ ...this.sought(), below: String(Number(below.value) / 100) })) asked.set(name, value);
+    try {
+      const asked = this.asked({ looks: looks.value });
+      if (below.value.trim()) {
+        for (const [name, value] of Object.entries({ ...this.sought(), below: String(percentIn(below.value) / 100) })) asked.set(name, value);
+      }
+      await this.bring(asked, "gaps", this.said);
+    } catch (error) {
+      tell(this.said, error.message, true);
     }
-    await this.bring(asked, "gaps", this.said);
   }
 
-  /** What is asked for, with the height that was given. */
+  /** What is asked for, with the height that was given. Throws an Error with a sentence. */
   asked(told) {
     const { height } = this.form.elements;
     const asked = new URLSearchParams(told);
-    if (height.value.trim()) asked.set("height", height.value.trim().replace(",", "."));
+    if (height.value.trim()) asked.set("height", String(metresIn(height.value)));
     return asked;
   }
 
@@ -138,7 +143,11 @@ export class CanopyMission {
   async save() {
     if (this.corners.length < 3) return;
     const outline = this.corners.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(";");
-    await this.mission.bring(this.mission.asked({ ...this.wish(), island: String(this.island), outline }), "trees", this.said);
+    try {
+      await this.mission.bring(this.mission.asked({ ...this.wish(), island: String(this.island), outline }), "trees", this.said);
+    } catch (error) {
+      tell(this.said, error.message, true);
+    }
   }
 }
 

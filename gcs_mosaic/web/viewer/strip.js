@@ -8,20 +8,21 @@ import { ageOf } from "/viewer/server.js";
 import { written } from "/viewer/times.js";
 import { said, t } from "/viewer/words.js";
 
-const HUNG_AFTER_S = 8; // the daemon writes its status each two seconds or more often
+const QUIET_AFTER_S = 8; // the daemon writes its status each two seconds or more often
+const HUNG_AFTER_S = 30; // a very busy machine gives it no turn for many seconds
 const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
 const NOTICES = 50;
 const WORST = ["error", "warning", "info"];
 
 /**
- * @param {{ mosaic: Api.Mosaic, newestFrame: unknown, status: Api.Status, hasEnded: boolean }} told
+ * @param {{ mosaic: Api.Mosaic, newestFrame: unknown, status: Api.Status, hasEnded: boolean, isGone: boolean }} told
  * @param {import("/viewer/server.js").Connection} connection
  * @param {number} lagSeconds
  * @param {Api.Island} [island] the one in view
  * @param {number} [gaps] on it
  */
-export function showStrip({ mosaic, newestFrame, status, hasEnded }, connection, lagSeconds, island, gaps = 0) {
-  const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf(status, mosaic, connection, lagSeconds);
+export function showStrip({ mosaic, newestFrame, status, hasEnded, isGone }, connection, lagSeconds, island, gaps = 0) {
+  const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf(status, mosaic, connection, lagSeconds, isGone);
   const conditions = state.kind === "bad" ? [] : status?.conditions ?? [];
   showState(withWorst(state, conditions));
   showParts(mosaic, island, gaps);
@@ -52,6 +53,7 @@ export function makeSheet() {
 function withWorst(state, conditions) {
   const worst = conditions.find(({ level }) => level === "error") ?? conditions.find(({ level }) => level === "warning");
   if (!worst || state.kind === "bad" || state.kind === "calm") return state;
+  if (state.isOld && worst.level !== "error") return state;
   return { ...state, kind: worst.level === "error" ? "bad" : "warn", detail: said(worst.text) };
 }
 
@@ -88,8 +90,8 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
 }
 
-/** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old. */
-function stateOf(status, mosaic, connection, lagSeconds) {
+/** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old, `isOld`: it is, by some seconds. */
+function stateOf(status, mosaic, connection, lagSeconds, isGone) {
   const updated = status?.updated ?? mosaic?.updated;
   const asOf = updated ? seenFrom(updated) : "";
   const lostSeconds = connection.lostForSeconds();
@@ -101,8 +103,12 @@ function stateOf(status, mosaic, connection, lagSeconds) {
     const alarm = `${t("No connection to gcs-mosaic for {time}.", { time: duration(lostSeconds) })} ${asOf}`;
     return { kind: "bad", title: t("No connection"), detail: forTime(lostSeconds), alarm };
   }
+  if (isGone) {
+    const alarm = `${t("The flight's folder is gone: put it back where it was. What the map does not show now may have been seen.")} ${asOf}`;
+    return { kind: "bad", title: t("Folder gone"), detail: t("what is shown is left over"), alarm };
+  }
   const lateSeconds = connection.lateForSeconds();
-  if (lateSeconds) return { kind: "warn", title: t("Answers late"), detail: `${forTime(lateSeconds)}. ${asOf}` };
+  if (lateSeconds) return { kind: "warn", isOld: true, title: t("Answers late"), detail: `${forTime(lateSeconds)}. ${asOf}` };
   if (lagSeconds > LATE_AFTER_S) {
     const time = duration(lagSeconds);
     const alarm = t("The map is older than what gcs-mosaic has: its changes have not come for {time}.", { time });
@@ -115,6 +121,7 @@ function stateOf(status, mosaic, connection, lagSeconds) {
     const alarm = `${t("gcs-mosaic has not shown a sign of life for {time}.", { time: duration(age) })} ${asOf}`;
     return { kind: "bad", title: t("Not responding"), detail: forTime(age), alarm };
   }
+  if (age > QUIET_AFTER_S) return { kind: "warn", isOld: true, title: t("Nothing new"), detail: `${forTime(age)}. ${asOf}` };
   return runningState(status);
 }
 

@@ -5,6 +5,7 @@ import { Absent } from "/viewer/absent.js";
 import { AircraftChoice } from "/viewer/aircraft.js";
 import { Anchors } from "/viewer/anchors.js";
 import { byId } from "/viewer/dom.js";
+import { Debriefing } from "/viewer/debriefing.js";
 import { Detection } from "/viewer/detection.js";
 import { Elsewhere } from "/viewer/elsewhere.js";
 import { Finds } from "/viewer/finds.js";
@@ -62,6 +63,7 @@ new Looking(map, reviews, () => measure.metresPerUnit());
 const opinions = new Opinions();
 new Elsewhere();
 const detection = new Detection(map, pointing);
+new Debriefing(map, () => detection.sought());
 new CanopyMission(map, pointing, new Mission(() => detection.sought()));
 const islands = new Islands(map);
 const fleet = new Fleet(map, placements, showFollowed);
@@ -78,6 +80,7 @@ const lag = new Lag();
 const aircraft = new AircraftChoice(byId("aircraft"));
 /** @type {{ mosaic: Api.Mosaic | null, newestFrame: Api.Placed | Api.Covered | null, status: Api.Status | null }} */
 const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
+let isGone = false; // the flight's folder, which was there
 let reading = false;
 let readAgain = false;
 const fresh = [...noted.map((one) => new Fresh(() => one.read())), map.layers, absent.fresh, flightPath, new Thermal(map), detection]; // what follows the map
@@ -125,7 +128,7 @@ let noStatusUntil = 0;
 
 async function readStatus() {
   if (Date.now() >= noStatusUntil) await askStatus();
-  else await connection.attempt(() => fetchDocument("/mosaic.json")); // whether the server is there
+  else await connection.attempt(seeFolder); // and whether the server is there
   setTimeout(readStatus, STATUS_EVERY_MS);
 }
 
@@ -134,9 +137,16 @@ async function askStatus() {
     const status = await fetchDocument("/status.json");
     if (known.status && known.status.state !== status?.state) map.refreshAll();
     known.status = status ?? known.status;
+    if (status) isGone = false;
+    else await seeFolder();
     if (!known.status && known.mosaic) noStatusUntil = Date.now() + NO_STATUS_EVERY_MS;
   });
   show();
+}
+
+/** A folder that was deleted, or whose disk was pulled: what is shown is left over, and nothing more comes. */
+async function seeFolder() {
+  isGone = (await fetchDocument("/mosaic.json")) === null && known.mosaic !== null;
 }
 
 const live = new Live(
@@ -171,14 +181,14 @@ function lagSeconds() {
 }
 
 function show() {
-  map.setAway(connection.lostForSeconds() > 0);
+  map.setAway(connection.lostForSeconds() > 0 || isGone);
   fleet.show(known.status);
   aircraft.show(known.status);
   for (const one of noted) one.follow();
   for (const one of fresh) one.follow(mapRevision());
   islands.show();
   flightPath.show();
-  showStrip({ ...known, hasEnded: live.hasEnded }, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined, map.layers.gaps);
+  showStrip({ ...known, hasEnded: live.hasEnded, isGone }, connection, lagSeconds(), map.mosaic ? map.currentIsland() : undefined, map.layers.gaps);
 }
 
 document.documentElement.dataset.begun = "1";

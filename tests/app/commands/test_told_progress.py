@@ -22,14 +22,14 @@ def test_a_piped_stitch_tells_how_far_it_is(
     monkeypatch.setattr(run_progress, "LINE_EACH_S", 0.01)
     frames, said = tmp_path / "frames", io.StringIO()
     frames.mkdir()
-    for number, data in enumerate(pictures):
+    for number, data in enumerate(pictures[:3]):
         (frames / f"{number}.jpg").write_bytes(data)
     out = stitch([frames], tmp_path / "out", Config(), Console(file=said, width=200))
-    assert f" of {len(pictures)}" in said.getvalue().split("frames placed in")[0]
+    assert " of 3" in said.getvalue().split("frames placed in")[0]
     assert "final painting: " in said.getvalue()
     lines = read_status(out).splitlines()
     assert lines[0].startswith("stitch: ended, begun ")
-    assert lines[1] == f"frames: {len(pictures)} placed"
+    assert lines[1] == "frames: 3 placed"
     other = stitch([frames], tmp_path / "other", Config(), Console(quiet=True))
     both = merge([out, other], tmp_path / "both", Config(), Console(quiet=True))
     assert read_status(both).startswith("merge: ended, begun ")

@@ -30,6 +30,7 @@ from tests import thermal
 from tests.rebuilt import assert_explained
 from tests.sure import sure
 from tests.thermal import Counts
+from tests.tiers import thorough
 
 CONFIG = Config(stitch=StitchSettings(features=FeatureSettings(megapixels=0.08, count=500)))
 READABLE = 12.0  # grey levels, deviation over a map
@@ -78,7 +79,13 @@ STARTS = {
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize(
+    "start",
+    [
+        *("warm tarmac for half of the flight", "a fire in the first frame", "all 16 bits, dark at first"),
+        *map(thorough, ("warm tarmac first", "counts of 14 bits", "all 16 bits")),
+    ],
+)
 def test_no_single_frame_decides_how_the_others_are_shown(start: str, tmp_path: Path) -> None:
     frames = STARTS[start]
     out = stitch([thermal.written(tmp_path / "frames", frames)], tmp_path / "out", CONFIG, Console(quiet=True))
@@ -96,7 +103,8 @@ STEPS: dict[str, Callable[[Counts], Counts]] = {
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "step", [name if number == 0 else pytest.param(name, marks=pytest.mark.long) for number, name in enumerate(STEPS)]
+    "step",
+    ["both", pytest.param("downwards", marks=pytest.mark.long), thorough("an offset"), thorough("a factor")],
 )
 def test_a_gain_step_is_taken_up(step: str, tmp_path: Path) -> None:
     """All counts rose by 600 halfway, by the gain mode or the shutter, and 29 % of the map were white."""

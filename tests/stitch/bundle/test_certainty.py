@@ -11,6 +11,7 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, frame_border, similarity_between
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.mosaic import Mosaic
+from tests.tiers import thorough
 
 
 def flown(
@@ -40,7 +41,7 @@ def shortest_ways(placements: Mapping[str, Placement], root: str) -> dict[str, i
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("adjusted", [True, False])
+@pytest.mark.parametrize("adjusted", [True, thorough(False)])
 def test_hops_are_the_shortest_way_to_the_root(ground: Image, adjusted: bool) -> None:
     placements = flown(ground, line(300, 500, 9), Mosaic(), adjusted=adjusted)
     assert {name: p.hops for name, p in placements.items()} == shortest_ways(placements, "000")
@@ -72,7 +73,7 @@ def test_a_founder_is_where_it_is(ground: Image) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("adjusted", [True, False])
+@pytest.mark.parametrize("adjusted", [True, thorough(False)])
 def test_the_true_errors_are_of_the_size_that_is_stated(ground: Image, adjusted: bool) -> None:
     """Before the adjustment of the whole (of the last six frames), and after it."""
     truth = line(300, 500, 7) + line(300, 720, 7)[::-1]

@@ -14,6 +14,7 @@ from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import WorkerFailed
 from gcs_mosaic.stitch.camera.geometry import Pose, moved_by_similarity
 from gcs_mosaic.stitch.camera.projection import pose_row
+from gcs_mosaic.stitch.features.extraction import Features, extract
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
@@ -46,9 +47,19 @@ class FakeWorker:
         return self._change(adjusted(self.tasks[-1]))
 
 
+SEEN: dict[Pose, Features] = {}
+
+
+def seen(ground: Image, pose: Pose) -> Features:
+    """Found once for all tests here, which fly the same line over the same ground."""
+    if pose not in SEEN:
+        SEEN[pose] = extract(photograph(ground, pose, SMALL_CAMERA), SETTINGS.features)
+    return SEEN[pose]
+
+
 def flown(ground: Image, mosaic: Mosaic, poses: Iterable[Pose] = LINE) -> Mosaic:
     for i, pose in enumerate(poses):
-        assert isinstance(mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i)), Placement)
+        assert isinstance(mosaic.place(seen(ground, pose), str(i)), Placement)
         mosaic.adjust()
     return mosaic
 
@@ -129,7 +140,7 @@ def test_an_adjustment_that_kills_the_worker_again_and_again_is_left_out_until_t
 
 def flown_on(ground: Image, mosaic: Mosaic, poses: Iterable[Pose]) -> None:
     for i, pose in enumerate(poses, len(mosaic.placements())):
-        assert isinstance(mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i)), Placement)
+        assert isinstance(mosaic.place(seen(ground, pose), str(i)), Placement)
         mosaic.adjust()
 
 
@@ -181,7 +192,7 @@ def test_a_worker_that_has_raised_is_never_out_of_step(
     monkeypatch.setattr(FakeWorker, broken, raising_once)
     mosaic = Mosaic(SETTINGS, other, punctual=True)
     for i, pose in enumerate(LINE):
-        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+        mosaic.place(seen(ground, pose), str(i))
         while True:
             try:
                 mosaic.adjust()
@@ -203,7 +214,7 @@ def test_a_task_that_is_taken_back_is_not_answered_for_the_next_one(ground: Imag
         flown(ground, mosaic, LINE[4:8])
         assert worker.tasks
         mosaic.restore(before)
-    again = [mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"again {i}") for i, pose in enumerate(LINE[4:])]
+    again = [mosaic.place(seen(ground, pose), f"again {i}") for i, pose in enumerate(LINE[4:])]
     assert all(isinstance(outcome, Placement) for outcome in again)
     mosaic.adjust()
     assert mosaic.adjust_in_a_pause()  # the worker is at it
@@ -218,7 +229,7 @@ def test_an_island_that_cannot_be_adjusted_keeps_no_other_from_it(
 ) -> None:
     mosaic = Mosaic(SETTINGS)
     for i, pose in enumerate([*LINE[:3], *(replace(pose, y=1700) for pose in LINE[:3])]):
-        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+        mosaic.place(seen(ground, pose), str(i))
     tried: list[int] = []
 
     def failing(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> None:

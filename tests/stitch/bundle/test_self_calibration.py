@@ -45,7 +45,7 @@ def off(solution: Solution) -> float:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("focal", [0.6, 1.1, 4.0])
+@pytest.mark.parametrize("focal", [thorough(0.6), 1.1, thorough(4.0)])
 def test_tilts_tell_the_focal_length(focal: float) -> None:
     error, deviation = error_and_deviation(adjusted(flown(NadirFlight(focal=focal, tilt=4.0, frames=50))), focal)
     assert abs(error) < CLOSE

@@ -13,6 +13,7 @@ from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import geometry, projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, similarity_between
+from tests.tiers import thorough
 
 CAMERA = Camera(4000, 3000, 1.4, -0.08)
 ROOT = 2
@@ -67,7 +68,7 @@ def corner_errors(solution: Solution, truth: Array) -> Array:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("noise_px", [0.1, 0.7])
+@pytest.mark.parametrize("noise_px", [thorough(0.1), 0.7])
 def test_deviations_are_those_that_come_about(noise_px: float) -> None:
     truth, rng = survey(), np.random.default_rng(11)
     exact, settings, errors, stated = true_matches(truth), AdjustmentSettings(), [], []

@@ -21,6 +21,7 @@ from gcs_mosaic.stitch.bundle.schedule import UpkeepSettings
 from gcs_mosaic.stitch.bundle.worker import WorkerFailed, WorkerProcess
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.mosaic import Mosaic, StitchSettings
+from tests.tiers import thorough
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +178,7 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("sign", SIGNALS)
+@pytest.mark.parametrize("sign", [*map(thorough, SIGNALS[:-1]), SIGNALS[-1]])
 def test_a_closed_terminal_loses_no_running_adjustment(
     task: IslandTask, worker: WorkerProcess, sign: signal.Signals
 ) -> None:

@@ -20,6 +20,7 @@ from gcs_mosaic.stitch.registration.registration import register
 from gcs_mosaic.stitch.registration.settings import RegistrationSettings
 from gcs_mosaic.stitch.transaction import Numbers
 from tests.sure import sure
+from tests.tiers import thorough
 
 SETTINGS = FeatureSettings()
 
@@ -39,7 +40,7 @@ def moving(count: int, step: int) -> list[Place]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("step", [6, 40])
+@pytest.mark.parametrize("step", [thorough(6), 40])
 def test_the_ground_is_matched_and_not_the_pattern(step: int) -> None:
     found = list(flown(moving(18, step), faint_frames.fixed_pattern(3.0)))
     apart = -(-30 // step)
@@ -56,7 +57,7 @@ def test_with_the_pattern_in_it_the_ground_is_lost() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("contrast", [1.5, 3.0])
+@pytest.mark.parametrize("contrast", [thorough(1.5), 3.0])
 def test_hovering_takes_nothing_away(contrast: float) -> None:
     found = list(flown([(300, 300)] * 30, 0.0, contrast))
     assert len(found[-1]) > 0.9 * len(found[0])

@@ -8,10 +8,11 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features import retrieval
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
+from tests.tiers import thorough
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("learn_at", [(), (8,), (4, 12)], ids=["no words", "words", "words learnt anew"])
+@pytest.mark.parametrize("learn_at", [(), thorough((8,)), (4, 12)], ids=["no words", "words", "words learnt anew"])
 def test_the_frame_of_the_same_ground_is_found_among_many(
     ground: Image, monkeypatch: pytest.MonkeyPatch, learn_at: tuple[int, ...]
 ) -> None:
