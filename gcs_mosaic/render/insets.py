@@ -19,7 +19,7 @@ from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.saliency import WAYS
 from gcs_mosaic.render.sampling import at_middles
-from gcs_mosaic.render.seams import COLOURS, FAR, SALIENT, THINGS, beyond, contrasts_at, decide, only, see
+from gcs_mosaic.render.seams import FAR, LOOK, SALIENT, THINGS, beyond, contrasts_at, decide, only, see
 from gcs_mosaic.render.warp_grid import LATTICE
 from gcs_mosaic.stitch.arrays import Mask, Planes
 
@@ -119,5 +119,5 @@ def _seen_coarsely(frame: FrameWarp, maps: BlendMaps, window: Window, coarser: f
     assert here is not None, "it is seen there"
     whole = np.zeros((WAYS, *window.shape), np.uint8)
     rows, columns = window.of(here)
-    whole[:, rows, columns] = contrasts_at(frame, contrasts_around(maps, COLOURS, coarser), here)
+    whole[:, rows, columns] = contrasts_at(frame, contrasts_around(maps, LOOK, coarser), here)
     return whole

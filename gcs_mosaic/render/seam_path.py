@@ -33,9 +33,9 @@ def least_seen(cells: Cells, looks: tuple[Planes, Planes]) -> Owned:
     unless the map ends there."""
     free = (cells.lead < OPEN) & (cells.inside[1] == WHOLLY) & _beside_seams(cells.first)
     held = np.where(free, np.float32(0.5) + cells.lead / np.float32(2 * OPEN), np.float32(1))
-    different = apart(looks)
-    taken = free & (_relaxed(held, free, cells, different) < 0.5)
-    return hard(cells, as_wholes(cells, different, taken))
+    apart = _apart(looks)
+    taken = free & (_relaxed(held, free, cells, apart) < 0.5)
+    return hard(cells, as_wholes(cells, apart, taken))
 
 
 def _beside_seams(first: FrameNumbers) -> Mask:
@@ -93,7 +93,7 @@ def _relax(p: Vector32, here: Indices, steady: Steady, pulls: Pulls) -> None:
     p[here] = np.where(total > 0, to_first / np.maximum(total, np.float32(1e-6)), p[here])
 
 
-def apart(looks: tuple[Planes, Planes]) -> Lattice:
+def _apart(looks: tuple[Planes, Planes]) -> Lattice:
     """Greatest difference of the two looks in any colour, grey levels."""
     one, other = looks
     return np.asarray(np.max(np.maximum(one, other) - np.minimum(one, other), axis=0), np.float32)

@@ -1,8 +1,7 @@
 """Seam blending: each place from the frame with the best view, with a transition of a few pixels and no ghosting.
 
-View quality is a frame's weight (distance to its border, resolution) and local sharpness, because some frames have motion blur,
-all the more where two frames show the same things; and how near its light is to that of most frames there, so that less of it
-has to be changed.
+View quality is a frame's weight (distance to its border, resolution) and local sharpness, because some frames have motion blur;
+and how near its light is to that of most frames there, so that less of it has to be changed.
 A salient thing in one frame where another has none (a person, a vehicle that has moved on) outweighs any weight: whatever was
 seen once stays on the map. A static thing is salient in all frames, and then the weight decides. In between is a thing that the
 other frame has some distance away: a tall one seen from another side, or a walking person. There the weight decides too, with a
@@ -40,18 +39,14 @@ from gcs_mosaic.render.cells import Cells, Owned, Seen, Window
 from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.saliency import WAYS
 from gcs_mosaic.render.sampling import at_cells, hindrance, inside, lattice_part, places_in, sampled
-from gcs_mosaic.render.seam_path import USUAL, apart, least_seen
+from gcs_mosaic.render.seam_path import least_seen
 from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Lattice, Planes, PlaneStack
 
 BRIGHTER = 0
 # Planes seen of a frame and kept of the one that shows; the last ones also of the next best.
 THINGS, NEAR, FAR = slice(0, WAYS), slice(WAYS, 2 * WAYS), slice(2 * WAYS, 3 * WAYS)
 CLIPPED = 3 * WAYS
-COLOURS = slice(
-    CLIPPED + 1, CLIPPED + 4
-)  # of the planes of a look; those of a frame on its tiles have its detail before them
-DETAIL = CLIPPED + 1
-LOOK = slice(DETAIL + 1, DETAIL + 4)
+LOOK = slice(CLIPPED + 1, CLIPPED + 4)
 SECOND_LOOK = slice(LOOK.stop, LOOK.stop + 3)
 KEPT = SECOND_LOOK.stop
 
@@ -59,15 +54,6 @@ LEAST_DETAIL = 1.0  # grey levels; the noise level of bare ground
 # Exponent of the detail ratio: a frame with a third less detail yields to one with a third of its weight. With more of it, crowns
 # that lean into one frame would cover the smooth road that another sees.
 SHARP = 3.0
-# Exponent added where both show the same things, as their colours tell: there more detail is a sharper view. Without it caliterra
-# has 88 % of the sharpest frame's detail, with 2, 8 and 12 of it 91, 94 and 95.
-SHARPER = 12.0
-# Log ratio of detail by which frames of one sharpness differ: were that counted, seams would cut people.
-UNSURE = 0.05
-MOST_SHARPER = 1.2  # less than `cells.OPEN`: a seam that this alone decides is still moved around what is on it
-# Grey levels by which the same things differ at most, and beyond which they are others.
-SAME, OTHER = USUAL, 2 * USUAL
-LOG_STEPS = 40.0  # of a plane of detail, per e-fold
 # Subtracted per log brightness by which a frame's light is unlike that of most frames: what is brighter by a third, as where the
 # sun has come out, yields to three quarters of its weight. With more of it seams leave the places where frames are alike.
 UNLIKE = 1.0
@@ -100,14 +86,12 @@ def see(frame: FrameWarp, maps: BlendMaps | None, window: Window) -> Seen:
     gain = _light(blue, green, red)
     planes = _at_places(maps.planes, places_in(pixels, frame.lattice, maps.planes[0].shape))
     planes[:CLIPPED] = [times(one, gain) for one in planes[:CLIPPED]]
-    planes[COLOURS] = [times(one, by) for one, by in zip(planes[COLOURS], (blue, green, red), strict=True)]
+    planes[LOOK] = [times(one, by) for one, by in zip(planes[LOOK], (blue, green, red), strict=True)]
     detail = sampled(maps.detail.astype(np.float32), places_in(pixels, frame.lattice, maps.detail.shape))
-    detail = np.log(gain * detail + LEAST_DETAIL)
-    planes.insert(DETAIL, np.asarray(np.rint(LOG_STEPS * detail), np.uint8))
     for one in planes[THINGS]:  # things seen only at the very border are unreliable, those of an overlay are none
         one[weight <= LEAST_WEIGHT] = 0
     covered = inside(frame.lattice, where)
-    score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * detail
+    score = np.log(np.maximum(weight, LEAST_WEIGHT)) + SHARP * np.log(gain * detail + LEAST_DETAIL)
     score -= _unlike(frame, pixels) + hindrance(frame.lattice, where, covered)
     return Seen(covered, np.asarray(score, np.float32), np.stack(planes))
 
@@ -153,16 +137,7 @@ def decide(cells: Cells, seen: Seen) -> Lattice:
     not_here, not_there = only(seen.planes, cells.planes, NEAR), only(cells.planes, seen.planes, NEAR)
     lost = _lost(cells.planes) * (1 - not_there) - _lost(seen.planes) * (1 - not_here)
     of_things = SALIENT * nowhere + ELSEWHERE * (not_here - not_there)
-    return np.asarray(seen.score - cells.score + lost + of_things + _sharper(cells, seen), np.float32)
-
-
-def _sharper(cells: Cells, seen: Seen) -> Lattice:
-    """What detail counts more (h, w) where both show the same things."""
-    more = seen.planes[DETAIL].astype(np.float32) - cells.planes[DETAIL]
-    alike = (OTHER - apart((seen.planes[LOOK], cells.planes[LOOK]))) / np.float32(OTHER - SAME)
-    clearly = more / np.float32(LOG_STEPS)
-    clearly -= np.clip(clearly, -UNSURE, UNSURE)
-    return np.asarray(np.clip(alike, 0, 1) * np.clip(clearly * SHARPER, -MOST_SHARPER, MOST_SHARPER), np.float32)
+    return np.asarray(seen.score - cells.score + lost + of_things, np.float32)
 
 
 def _lost(planes: Planes) -> Lattice:

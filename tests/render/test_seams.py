@@ -11,20 +11,7 @@ from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.display import PLAIN
 from gcs_mosaic.render.frame_warp import frame_warp
 from gcs_mosaic.render.light_field import COLUMNS, ROWS, STEPS, LightField
-from gcs_mosaic.render.seams import (
-    CLIPPED,
-    DETAIL,
-    FAR,
-    KEPT,
-    LOG_STEPS,
-    LOOK,
-    NEAR,
-    THINGS,
-    UNLIKE,
-    decide,
-    look_for_seams,
-    see,
-)
+from gcs_mosaic.render.seams import CLIPPED, FAR, KEPT, LOOK, NEAR, THINGS, UNLIKE, decide, look_for_seams, see
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -35,13 +22,7 @@ SHOWN, NEW = 1, 2
 
 
 def seen(
-    weight: float,
-    thing: float = 0,
-    near: float = 0,
-    far: float = 0,
-    log_detail: float = 1,
-    clipped: float = 0,
-    grey: int = 0,
+    weight: float, thing: float = 0, near: float = 0, far: float = 0, log_detail: float = 1, clipped: float = 0
 ) -> Seen:
     """thing: contrast of one that is brighter than all around; near, far: of anything that is, twice the least to be noticed
     being 40; clipped: share of pixels."""
@@ -49,7 +30,6 @@ def seen(
     for where, contrast in ((THINGS, thing), (NEAR, BEYOND * near), (FAR, BEYOND * max(near, far))):
         planes[where.start] = min(contrast, 255)
     planes[CLIPPED] = round(255 * clipped)
-    planes[DETAIL], planes[LOOK] = round(LOG_STEPS * log_detail), grey
     score = np.full(SHAPE, np.log(weight) + 3 * log_detail, np.float32)
     return Seen(np.full(SHAPE, WHOLLY, np.uint8), score, planes)
 
@@ -70,18 +50,6 @@ def shown(*frames: Seen) -> int:
 def test_the_frame_that_sees_better_shows() -> None:
     assert shown(seen(0.4), seen(0.5)) == NEW
     assert shown(seen(0.5), seen(0.4)) == SHOWN
-
-
-@pytest.mark.parametrize(("grey", "who"), [(100, NEW), (104, NEW), (130, SHOWN)])
-def test_a_sharper_view_counts_more_of_what_both_show(grey: int, who: int) -> None:
-    """A quarter more detail: of the same things it outweighs half the weight, of other things it may just be rougher ones."""
-    assert shown(seen(0.6, grey=100), seen(0.3, log_detail=1.22, grey=grey)) == who
-
-
-def test_what_frames_of_one_sharpness_differ_by_decides_nothing() -> None:
-    assert folded(seen(0.5), seen(0.45, log_detail=1.05)).lead == pytest.approx(
-        folded(seen(0.5, grey=90), seen(0.45, log_detail=1.05)).lead
-    )
 
 
 @pytest.mark.parametrize(("of_shown", "of_new", "who"), [(0, 90, NEW), (90, 0, SHOWN)])
