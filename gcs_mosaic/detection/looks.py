@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from gcs_mosaic.detection.clutter import GroundStatistics
+from gcs_mosaic.detection.clutter import AROUND, GroundStatistics
 from gcs_mosaic.detection.persons import COLOURS, Person
 from gcs_mosaic.stitch.arrays import Array, PointsNx2
 
@@ -35,9 +35,10 @@ def look_at(ground: GroundStatistics, differs: Array | None, pixels: PointsNx2, 
 
     def contrast(level: Array) -> Array:
         apart = lab_of(person, level) - colours
-        return np.asarray(
-            np.sqrt(np.einsum("ni,nij,nj->n", apart, inverse, apart)) * person.fill / max(ground.tail, 1e-3)
-        )
+        alone = np.einsum("ni,nij,nj->n", apart, inverse, apart) * person.fill**2
+        # Who lies there is taken for ground, too (Sherman and Morrison): on plain ground, where that is most of what differs,
+        # nobody stands out by more than a share of the window tells.
+        return np.asarray(np.sqrt(alone / (1 + alone * person.spread / AROUND**2)) / max(ground.tail, 1e-3))
 
     return PlaceLook(
         in_sun=contrast(np.ones(len(pixels))),

@@ -4,7 +4,7 @@ one with people."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from sitl.flight import Flight
 from sitl.geometry import ground_from_pixels, pixels_from_ground
 from tests.benchmarks.detection_scene import Floats, Peopled, Setting, on_the_floor
 
+ALONE = 1.5  # sides around the middle of a person, within which all of one lies
 MESH = 12  # columns and rows over which a picture is laid on another
 
 
@@ -50,9 +51,9 @@ class Measured:
     """A frame for one posture, without and with people."""
 
     empty: FilteredPicture
+    full: FilteredPicture
     ground: GroundStatistics
-    reader: NDArray[np.float32]  # scores with people
-    clutter: NDArray[np.float32]  # scores without
+    clutter: NDArray[np.float32]  # scores without people
 
 
 def measured(setting: Setting, cache: Path | None = None) -> Looks:
@@ -85,7 +86,7 @@ def sharpness_of(flight: Flight, pictures: Sequence[NDArray[np.uint8]]) -> Float
 def _measured(empty: NDArray[np.uint8], full: NDArray[np.uint8], side_px: float) -> Measured:
     one, other = filtered(empty, side_px), filtered(full, side_px)
     ground = statistics(one)
-    return Measured(one, ground, scores(other, statistics(other).covariances), scores(one, ground.covariances))
+    return Measured(one, other, ground, scores(one, ground.covariances))
 
 
 def _threshold(frames: Sequence[Measured]) -> float:
@@ -125,13 +126,24 @@ def _rows(
         away = float(np.hypot(*(place[0] - [state.x, state.y])))
         side_px = one.person.side_m * lens.focal_px / state.height / (1 + (away / state.height) ** 2) ** 0.75
         kept = kept_contrast(np.array([side_px]), np.array([sharp if np.isfinite(sharp) else 1.0]))
-        column, row = (pixel[0] + 0.5) * frame.empty.scale - 0.5
-        reach = frame.empty.side / 2 + 0.5
-        box = frame.reader[
-            max(0, round(row - reach)) : round(row + reach) + 1,
-            max(0, round(column - reach)) : round(column + reach) + 1,
-        ]
         east, south = np.degrees(np.arctan2(place[0] - [state.x, state.y], state.height))
         squares = np.floor([east / DIRECTION_DEG, south / DIRECTION_DEG])
         values = (number, look.in_sun, look.in_shade, kept, look.texture, look.disagreement, squares @ [1000, 1])
-        yield np.array([*(float(np.squeeze(value)) for value in values), float(box.max(initial=0) > threshold)])
+        yield np.array([*(float(np.squeeze(value)) for value in values), float(_read(frame, pixel[0]) > threshold)])
+
+
+def _read(frame: Measured, pixel: Floats) -> float:
+    """The reader's score of whoever is at a pixel of the original. Of the others nothing is left: so many as are laid out to be
+    counted would stand between the reader and the ground, which plain ground shows most."""
+    column, row = (pixel + 0.5) * frame.empty.scale - 0.5
+    around, near = _box(row, column, ALONE * frame.empty.side), _box(row, column, frame.empty.side / 2 + 0.5)
+    local = frame.empty.local.copy()
+    local[around] = frame.full.local[around]
+    alone = replace(frame.empty, local=local)
+    return float(scores(alone, statistics(alone).covariances)[near].max(initial=0))
+
+
+def _box(row: float, column: float, reach: float) -> tuple[slice, slice]:
+    middle = row, column
+    down, across = (slice(max(0, round(at - reach)), max(0, round(at + reach) + 1)) for at in middle)
+    return down, across

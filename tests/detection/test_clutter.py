@@ -8,7 +8,7 @@ import pytest
 
 from gcs_mosaic.detection.clutter import SIDE_PX, disagreement, filtered, scores, statistics
 from gcs_mosaic.detection.looks import look_at
-from gcs_mosaic.detection.persons import Person
+from gcs_mosaic.detection.persons import COLOURS, Clothes, Person
 from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR
 
 SIDE = 12.0  # px of a person
@@ -37,28 +37,28 @@ def mesh(shift: float, scale: float, size: tuple[int, int] = (400, 300)) -> Floa
     return ((np.stack([x + shift, y], axis=-1) + 0.5) * scale - 0.5).astype(np.float32)
 
 
-def test_a_person_stands_out_by_what_was_stated() -> None:
-    """The matched filter's output at a person is the stated contrast, but for the person's own part of its surroundings."""
-    empty = statistics(filtered(ground(8.0), SIDE))
-    person = Person(posture="standing", clothes="orange")
-    stated = look_at(empty, None, MIDDLE, person).in_sun[0] * empty.tail / person.fill
-    picture = filtered(with_a_person(ground(8.0), (40, 110, 235)), SIDE)
-    found = scores(picture, empty.covariances)
+@pytest.mark.parametrize("clothes", ["orange", "brown"])
+@pytest.mark.parametrize("deviation", [3.0, 8.0, 16.0])
+def test_a_person_stands_out_by_what_was_stated(deviation: float, clothes: Clothes) -> None:
+    """The matched filter's output at a person, who lies across pixels and is taken for ground as well, is the stated contrast."""
+    empty = statistics(filtered(ground(deviation), SIDE))
+    person = Person(posture="standing", clothes=clothes)
+    stated = look_at(empty, None, MIDDLE, person).in_sun[0] * empty.tail
+    picture = filtered(with_a_person(ground(deviation), COLOURS[clothes]), SIDE)
+    found = scores(picture, statistics(picture).covariances)
     row, column = round(150 * picture.scale), round(200 * picture.scale)
-    assert found[row - 1 : row + 2, column - 1 : column + 2].max() == pytest.approx(
-        stated, rel=0.25
-    )  # it lies across pixels
+    assert found[row - 1 : row + 2, column - 1 : column + 2].max() == pytest.approx(stated, rel=0.1)
 
 
 def test_more_clutter_and_less_contrast_make_a_person_stand_out_less() -> None:
     calm, wild = (statistics(filtered(ground(each), SIDE)) for each in (4.0, 25.0))
     orange, brown = (Person(posture="lying", clothes=each) for each in ("orange", "brown"))
     assert look_at(calm, None, MIDDLE, orange).in_sun > 2 * look_at(wild, None, MIDDLE, orange).in_sun
-    assert look_at(calm, None, MIDDLE, orange).in_sun > 3 * look_at(calm, None, MIDDLE, brown).in_sun
+    assert look_at(calm, None, MIDDLE, orange).in_sun > 2 * look_at(calm, None, MIDDLE, brown).in_sun
 
 
 def test_in_the_shade_bright_clothes_stand_out_less() -> None:
-    picture = ground(6.0)
+    picture = ground(15.0)  # on plain ground, both would stand out by as much as anybody can
     picture[:, :130] = picture[:, :130] // 4  # the shade, away from the middle
     told = statistics(filtered(picture, SIDE))
     look = look_at(told, None, np.array([[40.0, 150.0], [320.0, 150.0]]), Person(clothes="white"))
