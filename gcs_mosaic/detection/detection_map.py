@@ -128,12 +128,7 @@ def detection_map(
     table = view.table()
     grid = _coarse(whole.grid, footprint_of(table.boxes[table.islands == island]))
     looks = _Looks((grid.rows, grid.columns))
-    ours = [
-        index
-        for index, one in enumerate(table.frames)
-        if one.island == island and (numbers is None or one.number in numbers)
-    ]
-    unstated = np.zeros_like(looks.is_seen)
+    ours, unstated = _members(table, island, numbers), np.zeros_like(looks.is_seen)
     of_frames = [measured.of(table.frames[index]) for index in ours]
     for index, found in zip(ours, of_frames, strict=True):
         painted = view.painted(table.frames[index].number)
@@ -143,14 +138,13 @@ def detection_map(
             unstated[cells[0]] |= cells[1]
     seen = _resampled(whole.looks > 0, whole.grid, grid)
     bare = _gap_cells(grid, gaps) & ~seen
-    probability = np.where(bare, 0.0, looks.probability(coefficients()))
     known = [found for found in of_frames if found is not None]
     grey = [one.ground.is_grey for one in known if one.ground is not None]
     troubles = {found.trouble for found in known} | {measured.put_off(table.frames[index]) for index in ours}
     return DetectionMap(
         revision=table.revision,
         grid=grid,
-        probability=probability,
+        probability=np.where(bare, 0.0, looks.probability(coefficients())),
         flown=(seen & (looks.is_seen | unstated)) | bare,  # not the rim of cells whose middles no frame saw
         is_seen=looks.is_seen,
         leaves_known=looks.opens > 0,
@@ -159,6 +153,12 @@ def detection_map(
         is_grey=bool(grey) and all(grey),
         troubles=sorted((troubles - {""}) | ({SOME_GREY} if any(grey) else set())),
     )
+
+
+def _members(table: FrameTable, island: int, numbers: Collection[int] | None) -> list[int]:
+    """Rows of an island's frames; of those with these numbers, if any are given."""
+    members = (index for index, one in enumerate(table.frames) if one.island == island)
+    return [index for index in members if numbers is None or table.frames[index].number in numbers]
 
 
 def _add(

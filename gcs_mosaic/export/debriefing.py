@@ -12,7 +12,7 @@ from gcs_mosaic.detection.detections import Detections
 from gcs_mosaic.detection.persons import Person
 from gcs_mosaic.export.whole_file import whole_file
 from gcs_mosaic.handover.debriefing import Searched, as_debriefing
-from gcs_mosaic.handover.search_course import Looked, Sought, looked_at
+from gcs_mosaic.handover.search_course import Looked, SoughtPerson, looked_at
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of, anchored
 from gcs_mosaic.notes.anchors.scales import Scales, island_scales
 from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
@@ -44,7 +44,7 @@ def export_debriefing(
         finds=placed(finds, GroundFollower(view), anchor_of(laid)),
         laid=laid,
         looked=looked,
-        sought=Sought(person or Person(), detections, partial(detections.whole, told=told), metres),
+        sought=SoughtPerson(person or Person(), detections, partial(detections.whole, told=told), metres),
     )
     with whole_file(target) as path:
         path.write_text(as_debriefing(view, searched, coverage.of, time.time()), encoding="utf-8")

@@ -14,7 +14,7 @@ import numpy as np
 from gcs_mosaic.handover.beneath import BeneathLeaves
 from gcs_mosaic.handover.drawn_search import (
     Curve,
-    Layer,
+    DrawnLayer,
     colour_bar,
     curves,
     layered,
@@ -24,7 +24,7 @@ from gcs_mosaic.handover.drawn_search import (
     ways,
 )
 from gcs_mosaic.handover.mission import CoverageOf
-from gcs_mosaic.handover.search_course import Flown, Looked, Moment, Sought, flown_course
+from gcs_mosaic.handover.search_course import Flown, Looked, Moment, SoughtPerson, flown_course
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, geo_place
 from gcs_mosaic.notes.finds.exports import anchor_words, in_number
 from gcs_mosaic.notes.finds.finds import PlacedFind
@@ -56,7 +56,7 @@ class Searched:
     finds: Sequence[PlacedFind]
     laid: Laid
     looked: Mapping[int, Looked] = field(default_factory=dict)
-    sought: Sought | None = None
+    sought: SoughtPerson | None = None
 
 
 def as_debriefing(view: FlightView, searched: Searched, coverage_of: CoverageOf, made_utc: float) -> str:
@@ -95,14 +95,16 @@ def _island(one: Overview, view: FlightView, searched: Searched, coverage_of: Co
     flown = flown_course(view, one.island, seen, searched.sought)
     frames = sorted((frame for frame in view.table().frames if frame.island == one.island), key=lambda it: it.order)
     layers = [
-        Layer("way", "the aircraft's way", "".join(ways(one, frames))),
-        Layer("gaps", "not seen by any frame (orange)", "".join(outline_of_gap(one, gap) for gap in seen.gaps)),
-        Layer("marks", "finds", "".join(one.marks(searched.finds))),
+        DrawnLayer("way", "the aircraft's way", "".join(ways(one, frames))),
+        DrawnLayer("gaps", "not seen by any frame (orange)", "".join(outline_of_gap(one, gap) for gap in seen.gaps)),
+        DrawnLayer("marks", "finds", "".join(one.marks(searched.finds))),
     ]
     if looked is not None:
-        layers.insert(2, Layer("unreviewed", "looked at by nobody (dark)", unreviewed(one, looked), is_shown=False))
+        layers.insert(
+            2, DrawnLayer("unreviewed", "looked at by nobody (dark)", unreviewed(one, looked), is_shown=False)
+        )
     if flown.found is not None:
-        layers.insert(2, Layer("probability", "probability", probability(one, flown.found), is_shown=False))
+        layers.insert(2, DrawnLayer("probability", "probability", probability(one, flown.found), is_shown=False))
     bar = colour_bar() if flown.found is not None else ""
     facts = _table(
         [*_of_ground(seen, len(frames), searched.laid.get(one.island)), *_of_people(looked, flown, searched)]

@@ -27,7 +27,7 @@ WIDE, HIGH, LEFT, BELOW = 640, 180, 44, 22  # of curves, in their own units
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
+class DrawnLayer:
     """Something that lies over the map; `kind`: one of those that the style knows, see `overview.LAYERS`; `is_shown` at first."""
 
     kind: str
@@ -45,7 +45,7 @@ class Curve:
     points: Sequence[tuple[float, float]]
 
 
-def layered(one: Overview, layers: Sequence[Layer]) -> str:
+def layered(one: Overview, layers: Sequence[DrawnLayer]) -> str:
     """HTML of an island's picture with layers, each with a box that shows or hides it."""
     boxes = []
     for layer in layers:

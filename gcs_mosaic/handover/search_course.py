@@ -24,7 +24,7 @@ NO_SCALE = "how large the ground is, is not known: set two pins or give a known 
 
 
 @dataclass(frozen=True, slots=True)
-class Sought:
+class SoughtPerson:
     """Who is sought; `map_of`: of an island and a person of so many canvas units, raises UsageError in a sentence where it cannot
     be told; `metres`: of a canvas unit, by island."""
 
@@ -80,7 +80,7 @@ def looked_at(reviews: Reviews, ground: StampedGround, island: int, finest: int)
     return Looked(ground, reviews.looked_in(ground, island, level), {who: share for who, share in by.items() if share})
 
 
-def flown_course(view: FlightView, island: int, seen: SeenIsland, sought: Sought | None) -> Flown:
+def flown_course(view: FlightView, island: int, seen: SeenIsland, sought: SoughtPerson | None) -> Flown:
     """Of an island as it was seen, and of somebody who is sought."""
     table = view.table()
     ours = _in_order(view, table, island)
@@ -103,7 +103,7 @@ def flown_course(view: FlightView, island: int, seen: SeenIsland, sought: Sought
     return Flown(moments, found, "", stated)
 
 
-def _found(island: int, sought: Sought | None) -> tuple[DetectionMap | None, str]:
+def _found(island: int, sought: SoughtPerson | None) -> tuple[DetectionMap | None, str]:
     if sought is None or island not in sought.metres:
         return None, NO_SCALE
     try:

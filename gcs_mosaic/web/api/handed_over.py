@@ -16,7 +16,7 @@ from gcs_mosaic.detection.detection_map import DetectionMap
 from gcs_mosaic.detection.persons import Clothes, Person, Posture
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.anchor import Anchor
-from gcs_mosaic.handover.search_course import Looked, Sought, looked_at
+from gcs_mosaic.handover.search_course import Looked, SoughtPerson, looked_at
 from gcs_mosaic.notes.anchors.anchoring import IslandAnchor, anchor_of
 from gcs_mosaic.notes.anchors.pins import SetPin
 from gcs_mosaic.notes.anchors.scales import IslandScale
@@ -175,7 +175,7 @@ async def debriefing(request: web.Request) -> web.StreamResponse:
     looked = await notes.run(_looked, notes, grounds)
     metres = {island: one.metres_per_unit for island, one in (await scales_of(request)).items()}
     detections = request.app[MEASURING].detections
-    sought = Sought(person, detections, detections.known, metres)
+    sought = SoughtPerson(person, detections, detections.known, metres)
     text = await in_thread(request, _debriefing, request, pinned, finds, looked, sought, pool=SLOW_POOL)
     from gcs_mosaic.notes.finds.report import POLICY as REPORT_POLICY
 
@@ -299,7 +299,7 @@ def _looked(notes: Notes, grounds: Mapping[int, tuple[StampedGround, int]]) -> d
 
 
 def _debriefing(
-    request: web.Request, pinned: Pinned, finds: Sequence[Find], looked: Mapping[int, Looked], sought: Sought
+    request: web.Request, pinned: Pinned, finds: Sequence[Find], looked: Mapping[int, Looked], sought: SoughtPerson
 ) -> str:
     from gcs_mosaic.handover.debriefing import Searched, as_debriefing  # it loads what decodes
 
