@@ -117,7 +117,9 @@ def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> lis
 
 def _preparation_of(config: Config, pipeline: Pipeline, woken: Callable[[], None]) -> Preparation:
     turns = AsTheyCame() if pipeline.mosaic.in_order else _turns_of(config)
-    return Preparation(pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels, turns, woken)
+    given = pipeline.features_of, pipeline.decoders, config.reduction, pipeline.feature_pixels, turns, woken
+    # Where frames come too fast, one that is chosen early is old when it comes on the map.
+    return Preparation(*given, at_once=prepared_at_once(os.cpu_count() or 1))
 
 
 def _turns_of(config: Config) -> Turns:

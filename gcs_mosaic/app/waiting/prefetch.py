@@ -136,7 +136,8 @@ def thumbnail(image: Bands) -> Bands:
 class Preparation:
     """Queue of frames, of which the next few are prepared ahead. For use by one thread.
 
-    `turns` sets the order, by default that of arrival; `woken()` is called, from any thread, when a frame is ready.
+    `turns` sets the order, by default that of arrival; `woken()` is called, from any thread, when a frame is ready; `at_once`:
+    how many are prepared or ready at a time, at most AHEAD.
     """
 
     def __init__(
@@ -147,12 +148,14 @@ class Preparation:
         least_pixels: float = 0.0,
         turns: Turns | None = None,
         woken: Callable[[], None] = lambda: None,
+        at_once: int = AHEAD,
     ) -> None:
         self._find, self._reduction, self._least_pixels = find, reduction, least_pixels
         self._decoders = decoders
         self._decoders.begin()
         self._turns = AsTheyCame() if turns is None else turns
         self._woken = woken
+        self._at_once = min(at_once, AHEAD)
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="prepare")
         self._numbers = count()
         self._waiting: dict[int, Frame] = {}  # in order of arrival
@@ -221,7 +224,7 @@ class Preparation:
         self._turns.processed(self._orders[name], found, waits=waits)
 
     def begin(self) -> None:
-        """Start preparing the next frames of all queued; at most AHEAD images are in memory or being loaded, one if large."""
+        """Start preparing the next frames of all queued; at most `at_once` images are in memory or being loaded, one if large."""
         soon = self._turns.soon()
         for number in soon:
             if number not in self._ahead and self._made_room(soon):
@@ -258,7 +261,7 @@ class Preparation:
         """Whether there is room for another image, after putting back those that are no longer next."""
         ready = self._ready()
         turn = self._turns.next(ready)
-        most = AHEAD if AHEAD * self._image_bytes <= MOST_AHEAD_BYTES else 1
+        most = self._at_once if AHEAD * self._image_bytes <= MOST_AHEAD_BYTES else 1
         for number in ready:
             if len(self._ahead) >= most and number not in soon and number != turn:
                 prepared = self._ahead.pop(number).result()

@@ -36,13 +36,17 @@ class SlowDecoders:
         return np.zeros((60, 80, 3), np.uint8)
 
 
-@pytest.fixture(params=[False, True], ids=["even", "uneven"])
+@pytest.fixture(
+    params=[(False, AHEAD), (True, AHEAD), (False, 1), (True, 1)], ids=["even", "uneven", "one", "uneven one"]
+)
 def preparation(request: pytest.FixtureRequest) -> Iterator[Preparation]:
+    uneven, at_once = request.param
+
     def find(image: Any, reduction: int) -> Any:
         return extract(image, FeatureSettings(), reduction)
 
-    decoders = cast("Decoders", SlowDecoders(uneven=request.param))
-    with closing(Preparation(find, decoders, turns=NewestFirst())) as made:
+    decoders = cast("Decoders", SlowDecoders(uneven=uneven))
+    with closing(Preparation(find, decoders, turns=NewestFirst(), at_once=at_once)) as made:
         yield made
 
 
