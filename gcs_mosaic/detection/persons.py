@@ -12,7 +12,7 @@ POSTURES = get_args(Posture)
 CLOTHES = get_args(Clothes)
 SIZES_M = {"lying": (1.7, 0.5), "standing": (0.6, 0.45)}  # of an adult seen from straight above, with clothes on
 FILL = {"lying": 0.58, "standing": 0.85}  # the mean over all headings
-SPREAD = {"lying": 1.2, "standing": 0.6}  # mean over all headings
+SPREAD = {"lying": 1.2, "standing": 0.6}  # the mean over all headings
 # BGR of 8 bits as a camera shows them in the sun. A list to choose from, no statistics of what people wear.
 COLOURS: dict[Clothes, tuple[int, int, int]] = {
     "orange": (40, 110, 235),

@@ -110,7 +110,7 @@ def _found(island: int, sought: SoughtPerson | None) -> tuple[DetectionMap | Non
         found = sought.map_of(island, sought.person, sought.person.side_m / sought.metres[island])
     except UsageError as error:
         return None, str(error)
-    if found is None or found.is_grey or not found.is_seen.any():
+    if found is None or found.is_grey or not (found.is_seen & found.flown).any():
         return None, "".join(() if found is None else found.troubles[:1]) or "no picture of it can be measured"
     return found, ""
 

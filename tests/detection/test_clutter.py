@@ -8,7 +8,7 @@ import pytest
 
 from gcs_mosaic.detection.clutter import SIDE_PX, disagreement, filtered, scores, statistics
 from gcs_mosaic.detection.looks import look_at
-from gcs_mosaic.detection.persons import COLOURS, Clothes, Person
+from gcs_mosaic.detection.persons import COLOURS, POSTURES, SIZES_M, Clothes, Person, Posture
 from gcs_mosaic.stitch.arrays import FloatImage, ImageBGR
 
 SIDE = 12.0  # px of a person
@@ -48,6 +48,19 @@ def test_a_person_stands_out_by_what_was_stated(deviation: float, clothes: Cloth
     found = scores(picture, statistics(picture).covariances)
     row, column = round(150 * picture.scale), round(200 * picture.scale)
     assert found[row - 1 : row + 2, column - 1 : column + 2].max() == pytest.approx(stated, rel=0.1)
+
+
+@pytest.mark.parametrize("posture", POSTURES)
+def test_how_far_a_person_spreads_is_that_of_a_rectangle_of_its_size(posture: Posture) -> None:
+    """Averaged over squares of its area, over all headings."""
+    size_px, side = np.array(SIZES_M[posture]) * 40, round(40 * float(np.sqrt(np.prod(SIZES_M[posture]))))
+    spread = []
+    for heading in range(0, 180, 5):
+        drawn = np.zeros((300, 300), np.uint8)
+        cv2.fillPoly(drawn, [cv2.boxPoints(((150, 150), size_px.tolist(), heading)).astype(np.int32)], 1)
+        spread.append((cv2.blur(drawn.astype(np.float32), (side, side)) ** 2).sum() / side**2)
+    person = Person(posture=posture)
+    assert np.mean(spread) / person.fill**2 == pytest.approx(person.spread, rel=0.1)
 
 
 def test_more_clutter_and_less_contrast_make_a_person_stand_out_less() -> None:
