@@ -28,9 +28,9 @@ from gcs_mosaic.render.render_list import RenderItem, log_tones
 from gcs_mosaic.stitch.arrays import Bands, Matrix, Vector
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.originals import place_of
-from gcs_mosaic.store.records import PositionRecord
 
 if TYPE_CHECKING:
+    from gcs_mosaic.store.records import PositionRecord
     from gcs_mosaic.views.flight_view import FlightView
 
 logger = logging.getLogger(__name__)
