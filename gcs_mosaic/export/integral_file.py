@@ -24,7 +24,8 @@ from gcs_mosaic.integral.aperture import SyntheticAperture
 from gcs_mosaic.integral.focus import Focus
 from gcs_mosaic.integral.forms import FORMS
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
-from gcs_mosaic.integral.hot_places import KNOWN_REACH, UNKNOWN_REACH, found_in, over_heights
+from gcs_mosaic.integral.ground_surface import GroundSurface
+from gcs_mosaic.integral.hot_places import found_in, over_heights
 from gcs_mosaic.integral.stack import GroundWindow
 from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
 from gcs_mosaic.stitch.arrays import FloatImage
@@ -32,6 +33,7 @@ from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.views.flight_view import FlightView
 
 MOST_HEIGHTS = 100
+BESIDE_S = 60.0  # that the ground is sought around a place where it is not seen
 HINT_REACH = 10  # px between two hints that are one thing
 MOST_CELLS = 2048
 MODEL_TRANSFORMATION = 34264  # tag of GeoTIFF: an affine, as an island is turned on earth
@@ -61,7 +63,7 @@ def write_integral(flight: Path, target: Path, wish: IntegralWish) -> str:
     view, island = FlightView(folder), chosen_island(folder, wish.island)["id"]
     lens = ground_lens(view, island, wish.at, wish.cells)
     lens.aperture(0.0 if wish.heights is None else wish.heights[0])  # says it where looks do not overlap
-    focus = lens.focus() if wish.heights is None else None
+    focus = GroundSurface(view).focus_of(island, lens, BESIDE_S) if wish.heights is None else None
     heights = (focus.height,) if focus is not None else tuple(wish.heights or ())
     apertures = [lens.aperture(height, wish.opened) for height in heights]
     pages = [FORMS[wish.form](lens.stack(height, wish.opened)) for height in heights]
@@ -159,6 +161,8 @@ def _said(heights: Sequence[float], apertures: Sequence[SyntheticAperture], flyi
 def _of_focus(focus: Focus | None) -> Iterator[str]:
     if focus is not None and focus.known:
         yield f"that is where the looks agree lowest, {focus.agreement:.1f} times as much as by chance: the ground"
+    elif focus is not None and focus.beside:
+        yield "that is where the ground was found around this place; here it is not seen by itself: try others by --height"
     elif focus is not None:
         where = "at many heights, as crowns do; this is the lowest" if focus.height else "at no height"
         yield f"where the ground lies is not known here, for the looks agree {where}: try several by --height"
@@ -170,12 +174,12 @@ def _hints(
     if not wish.hints:
         return
     unit_m = None if flying_m is None else flying_m / lens.flying_height
-    reach = UNKNOWN_REACH if focus is not None and not focus.known else KNOWN_REACH
+    guess = None if focus is None else focus.guess
     is_dark = wish.form == "min"
     every = [
         one
         for height in heights
-        for one in found_in(lens, height, wish.opened, wish.hints, unit_m, reach, is_dark=is_dark)
+        for one in found_in(lens, height, wish.opened, wish.hints, unit_m, guess, is_dark=is_dark)
     ]
     aside = lens.aperture(heights[0], wish.opened).width / 2
     for one in over_heights(every, HINT_REACH * lens.window.cell, aside)[: wish.hints]:

@@ -27,4 +27,6 @@ class BeneathLeaves:
             logger.info("find %d is shown without an integral: %s", one.find.id, error)
             return None
         how = "in focus at the ground" if seen.focus.known else "the ground's height is not known, the focus is a guess"
+        if seen.focus.beside:
+            how = "in focus at the height of the ground around it"
         return Beneath(as_jpeg(seen, "mean"), f"{seen.aperture.looks} looks laid together, {how}")

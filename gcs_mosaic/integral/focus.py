@@ -48,13 +48,20 @@ LEAST_LOOKS = 3  # two always agree somewhere
 class Focus:
     """`height`: share of the flying height above the map's ground; `known`: whether looks agree there, and not at
     all heights about it as crowns do; `agreement`: how much more than by chance, 1; `heights`, `curve`: all that were tried, and
-    how much looks agree there."""
+    how much looks agree there. `beside`: it is not known here, and the height is that of the ground found around it."""
 
     height: float
     known: bool
     agreement: float
     heights: Array
     curve: Array
+    beside: bool = False
+    guess: float | None = None  # where it is not known here: the lower end of what agrees
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether nothing tells where the ground is."""
+        return not self.known and not self.beside
 
 
 def ground_focus(
@@ -65,7 +72,7 @@ def ground_focus(
     some = [_coarser(one, coarse.cell / window.cell) for one in spread(looks, MOST_LOOKS)]
     heights = _heights(coarse, aperture)
     if len(some) < LEAST_LOOKS:
-        return Focus(height=0.0, known=False, agreement=1.0, heights=heights, curve=np.ones(len(heights)))
+        return Focus(height=0.0, known=False, agreement=1.0, heights=heights, curve=np.ones(len(heights)), guess=0.0)
     sweep = [agreeing(laid_together(some, coarse, share * flying_height)) for share in heights]
     curve = np.array([ratio_of(one) for one in sweep])
     apart = math.log((1 - heights[0]) / (1 - heights[1]))
@@ -74,8 +81,8 @@ def ground_focus(
     height = _between(heights, curve, at) if is_known else float(heights[at])
     if not is_known and curve[at] < AGREES and float(curve.max()) < AGREES:
         height = 0.0
-    told = float(curve[at]) if is_known else float(curve.max())
-    return Focus(height=height, known=is_known, agreement=told, heights=heights, curve=curve)
+    told, guess = (float(curve[at]), None) if is_known else (float(curve.max()), height)
+    return Focus(height=height, known=is_known, agreement=told, heights=heights, curve=curve, guess=guess)
 
 
 def _lowest(curve: Array, broadest: float, surface: LowestSurface | None) -> tuple[int, bool]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import OrderedDict
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +12,10 @@ from typing import TypeVar
 import numpy as np
 
 from gcs_mosaic.integral.aperture import aperture_of
-from gcs_mosaic.integral.flight_looks import as_grey, read_look, spread
+from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, as_grey, read_look, spread
 from gcs_mosaic.integral.focal_plane import camera_height
-from gcs_mosaic.integral.focus import CELLS, LEAST_LOOKS, MOST_LOOKS, ground_focus
+from gcs_mosaic.integral.focus import CELLS, LEAST_LOOKS, MOST_LOOKS, Focus, ground_focus
+from gcs_mosaic.integral.ground_lens import GroundLens
 from gcs_mosaic.integral.relief_plane import slopes_of
 from gcs_mosaic.integral.stack import GroundLook, GroundWindow
 from gcs_mosaic.render.render_list import RenderItem
@@ -23,6 +25,9 @@ from gcs_mosaic.views.flight_view import FlightView, FrameTable, pixels_of
 
 # Cells along the shorter side of a usual frame, about: half of it is what a lens on the page is wide of, from 80 m up.
 IN_A_FRAME = 2
+# Of a place: where the ground is sought that is not found there, and how many that know it tell it, and are enough.
+CELLS_AROUND, LEAST_CELLS, ENOUGH_CELLS = 2, 2, 3
+NEAR_GUESS = 0.02  # of the flying height, by which ground that was found may lie above what is seen beside it
 KEPT_LOOKS = 256  # coarse ones, of all of a frame: 100 KB each
 KEPT_CELLS = 4096
 
@@ -39,6 +44,11 @@ class GroundCell:
     height: float
     is_known: bool
     flying_height: float
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether something is seen at its height, though that may be leaves above the ground; at 0 nothing is."""
+        return not self.is_known and self.height != 0 and math.isfinite(self.flying_height)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +100,40 @@ class GroundSurface:
         left, top = ((first + 1.5) * size).tolist()
         seen = np.array([[math.isfinite(one.flying_height) for one in row] for row in rows])[1:-1, 1:-1]
         return GroundHeights(left, top, size, grid, int((known & seen).sum()), int(seen.sum()))
+
+    def focus_of(self, island: int, lens: GroundLens, within_s: float) -> Focus:
+        """Where a lens sees the ground; where it does not, the middle one of the heights found around it, the nearest first, if
+        some are known or found within some seconds."""
+        own = lens.focus()
+        if own.known:
+            return own
+        until = time.monotonic() + within_s
+        known, guesses = list[float](), list[float]()
+        for cell in self._around(island, lens.middle):
+            if cell is not None and (cell.is_known or cell.is_guess):
+                (known if cell.is_known else guesses).append(cell.height * cell.flying_height / lens.flying_height)
+            if len(known) == ENOUGH_CELLS or time.monotonic() > until:
+                break
+        if len(known) < LEAST_CELLS or not _are_lowest(np.array(known), np.array(guesses)):
+            return own
+        return replace(own, height=float(np.clip(np.median(known), LOWEST, HIGHEST)), beside=True)
+
+    def _around(self, island: int, place: Vector) -> Generator[GroundCell | None, None, None]:
+        """The cells about a place, the nearest first; None while one is in the making."""
+        table = self._view.table()
+        size = cell_size(table, island)
+        column, row = np.floor(place / size).astype(int).tolist()
+        near = range(-CELLS_AROUND, CELLS_AROUND + 1)
+        cells = [(column + right, row + below) for right in near for below in near]
+        for at in sorted(cells, key=lambda one: float(np.hypot(*((np.array(one) + 0.5) * size - place)))):
+            making = self._cell(table, island, size, at, None)
+            while True:
+                try:
+                    next(making)
+                except StopIteration as made:
+                    yield made.value
+                    break
+                yield None
 
     def forget(self) -> None:
         """Let go of looks; what was found is kept."""
@@ -173,6 +217,7 @@ def _smooth(rows: Sequence[Sequence[GroundCell]]) -> tuple[Array, Mask]:
     """Of cells (rows, columns) the heights in canvas units without the outermost; and which of these are known."""
     shares = np.array([[one.height for one in row] for row in rows])
     known = np.array([[one.is_known for one in row] for row in rows])
+    is_guess = np.array([[one.is_guess for one in row] for row in rows])
     flying = np.array([[one.flying_height for one in row] for row in rows])
     is_seen = np.isfinite(flying)
     flying = np.where(is_seen, flying, float(np.median(flying[is_seen])) if is_seen.any() else 0.0)
@@ -180,7 +225,16 @@ def _smooth(rows: Sequence[Sequence[GroundCell]]) -> tuple[Array, Mask]:
     is_found = np.zeros(found.shape, bool)
     for row, column in np.ndindex(*found.shape):
         around = np.s_[row : row + 3, column : column + 3]
-        is_found[row, column] = known[around].any()
+        guessed = is_guess[around]
+        is_found[row, column] = _are_lowest(shares[around][known[around]], shares[around][guessed])
         some = shares[around][known[around] if is_found[row, column] else is_seen[around]]
         found[row, column] = float(np.median(some)) * flying[row + 1, column + 1] if some.size else 0.0
     return found, is_found
+
+
+def _are_lowest(known: Array, guesses: Array) -> bool:
+    """Whether heights (n,) at which ground was found are no higher than most of what is seen lowest beside it (m,): nothing is to
+    be seen below the ground, so that else they are of crowns."""
+    if not known.size:
+        return False
+    return not guesses.size or bool(np.median(known) <= np.median(guesses) + NEAR_GUESS)

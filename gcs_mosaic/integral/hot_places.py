@@ -26,7 +26,7 @@ from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST, as_grey
 from gcs_mosaic.integral.forms import LEAST_LOOKS, looks_of, mean
 from gcs_mosaic.integral.ground_lens import GroundLens
 from gcs_mosaic.integral.stack import GroundWindow, LookStack
-from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, Matrix
+from gcs_mosaic.stitch.arrays import AnyArray, Array, FloatImage, Matrix
 
 # In pixels of the integral, which are those of the looks.
 CENTRE = 3  # smaller is noise
@@ -38,7 +38,8 @@ NEAR = 13  # of warm things: what is around them, in pixels
 # which people were 6 long found 3 of 9 in a simulated wood that hid 87 %.
 BODY_M, PIECES = 0.5, 2
 # Focuses searched below and above a height: where that is a guess it is of the lowest leaves, and the ground is below.
-KNOWN_REACH, UNKNOWN_REACH = (1, 1), (8, 1)
+BELOW_KNOWN, BELOW_GUESS, ABOVE = 1, 8, 1
+MOST_FOCUSES = 16
 # How often the pixels are halved, where nobody knows how large a person is: 10 to 40 px long. Each size more lets chance in, too:
 # in simulated woods that costs some people of a hundred (`tests.benchmarks.canopy`).
 ANY_SIZE = (0, 1, 2)
@@ -125,23 +126,31 @@ def found_in(
     opened: float,
     most: int,
     unit_m: float | None = None,
-    reach: tuple[int, int] = KNOWN_REACH,
+    guess: float | None = None,
     *,
     is_dark: bool = False,
 ) -> list[HotPlace]:
-    """What stands out most in a lens, at a height and so many focuses (`reach`) below and above it: one of each thing. `unit_m`:
-    metres of a canvas unit, if that is known. `is_dark`: of a single band what is darker than its surroundings."""
+    """What stands out most in a lens, at a height and in some focuses about it: one of each thing. `guess`: the lower end of what
+    agrees, where the ground was not found; it is sought far below that. `unit_m`: metres of a canvas unit, if that is known.
+    `is_dark`: of a single band what is darker than its surroundings."""
     lens = in_one_band(lens)
     aperture = lens.aperture(height, opened)
     depth = min(max(aperture.depth, LEAST_DEPTH), MOST_DEPTH)
     sizes = person_size(None if unit_m is None else unit_m * lens.window.cell)
     found = list[HotPlace]()
-    for share in (height + step * depth for step in range(-reach[0], reach[1] + 1)):
+    for share in _searched(height, guess, depth):
         if LOWEST <= share <= HIGHEST:
             stack = lens.stack(share, opened)
             odd = oddities(replace(stack, values=-stack.values) if is_dark else stack, sizes)
             found += peaks(odd, lens.window, share, most)
     return over_heights(found, APART * lens.window.cell, aperture.width / 2)[:most]
+
+
+def _searched(height: float, guess: float | None, depth: float) -> Array:
+    """Focuses, the lowest first, a `depth` apart, or farther where these were too many."""
+    low = height - BELOW_KNOWN * depth if guess is None else min(height, guess) - BELOW_GUESS * depth
+    high = height + ABOVE * depth
+    return np.linspace(low, high, min(round((high - low) / depth) + 1, MOST_FOCUSES))
 
 
 def in_one_band(lens: GroundLens) -> GroundLens:

@@ -13,12 +13,16 @@ from gcs_mosaic.integral.aperture import SyntheticAperture
 from gcs_mosaic.integral.focus import Focus
 from gcs_mosaic.integral.forms import FORMS
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
-from gcs_mosaic.integral.hot_places import KNOWN_REACH, UNKNOWN_REACH, HotPlace, found_in
+from gcs_mosaic.integral.ground_surface import GroundSurface
+from gcs_mosaic.integral.hot_places import HotPlace, found_in
 from gcs_mosaic.stitch.arrays import AnyImage, FloatImage
 from gcs_mosaic.views.flight_view import FlightView
 
 MOST_LOOKS = 30  # of a lens: of 400 px in colour they take 100 MB
 MOST_LENSES = 2
+BESIDE_S = (
+    4.0  # that the ground is sought around a place where it is not seen; what is found serves the next places, too
+)
 KEPT_S = 90.0  # after somebody has looked through it last
 # Shares of pixels that a picture of one band, or of a deviation, lets be black and white: a hot spot of a few pixels is to stay
 # brighter than what is around it.
@@ -60,6 +64,7 @@ class LensKeeper:
 
     def __init__(self, view: FlightView) -> None:
         self._view = view
+        self._ground = GroundSurface(view)
         self._open: dict[LensWish, tuple[float, GroundLens, Focus]] = {}
 
     def look(self, wish: LensWish) -> LensView:
@@ -68,10 +73,10 @@ class LensKeeper:
         height = focus.height if wish.height is None else wish.height
         aperture = lens.aperture(height, wish.opened)
         values = FORMS[wish.form](lens.stack(height, wish.opened))
-        reach = KNOWN_REACH if focus.known or wish.height is not None else UNKNOWN_REACH
+        guess = focus.guess if wish.height is None else None
         is_dark = wish.form == "min"
         hints = (
-            found_in(lens, height, wish.opened, wish.hints, wish.unit_m, reach, is_dark=is_dark) if wish.hints else ()
+            found_in(lens, height, wish.opened, wish.hints, wish.unit_m, guess, is_dark=is_dark) if wish.hints else ()
         )
         return LensView(lens=lens, focus=focus, height=height, aperture=aperture, values=values, hints=hints)
 
@@ -79,6 +84,8 @@ class LensKeeper:
         """Those that nobody has looked through for a while."""
         now = time.monotonic() if now is None else now
         self._open = {key: one for key, one in self._open.items() if now - one[0] < KEPT_S}
+        if not self._open:
+            self._ground.forget()
 
     def _opened(self, wish: LensWish) -> tuple[GroundLens, Focus]:
         key = replace(wish, height=None, opened=1.0, form="mean", hints=0, unit_m=None)
@@ -89,7 +96,7 @@ class LensKeeper:
                 self._open.pop(min(self._open, key=lambda one: self._open[one][0]))
             lens = ground_lens(self._view, wish.island, (wish.x, wish.y), wish.cells, wish.side, MOST_LOOKS)
             lens.aperture(0.0 if wish.height is None else wish.height)  # says it where looks do not overlap
-            known = (0.0, lens, lens.focus())
+            known = (0.0, lens, self._ground.focus_of(wish.island, lens, BESIDE_S))
         _, lens, focus = known
         self._open[key] = time.monotonic(), lens, focus
         return lens, focus

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.integral.focal_plane import pixels_at
-from gcs_mosaic.render.dense_places import STEP, between_steps, sampled
-from gcs_mosaic.stitch.arrays import Array, FloatImage, ImageGrey, Lattice, Mask, PointsNx2, Vector
+from gcs_mosaic.render.dense_places import NOWHERE, STEP, between_steps, sampled
+from gcs_mosaic.stitch.arrays import Array, FloatImage, Lattice, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
@@ -160,18 +160,16 @@ def _seen(look: GroundLook, at: Lattice) -> Mask:
     most = np.minimum((np.array(high) + 0.5 - corner) / look.reduction - 0.5, np.array([width, height]) - 0.5)
     seen = np.asarray(cv2.inRange(at, tuple(least.tolist()), tuple(most.tolist())) > 0)
     if look.still is not None and look.still.blocks.any():
-        # Nowhere is NaN; beyond the edges `seen` has told already.
-        seen &= sampled(_uncovered(look.still, look)[..., None], at)[..., 0] > 127
+        seen &= _uncovered(look.still, look, at)
     return seen
 
 
-def _uncovered(still: StillMask, look: GroundLook) -> ImageGrey:
-    """255 at pixels of the look's image (h, w) that no overlay covers."""
-    columns, rows = (
-        np.clip(((np.arange(size) + 0.5) * look.reduction + edge) * (blocks / whole), 0, blocks - 1).astype(np.intp)
-        for size, edge, blocks, whole in (
-            (look.image.shape[1], look.left, still.columns, look.camera.width),
-            (look.image.shape[0], look.top, still.rows, look.camera.height),
-        )
-    )
-    return np.where(still.blocks[np.ix_(rows, columns)], 0, 255).astype(np.uint8)
+def _uncovered(still: StillMask, look: GroundLook, at: Lattice) -> Mask:
+    """Where no overlay covers the frame (h, w), by pixels of the look's image (h, w, 2); anything where these are NaN."""
+    blocks = np.where(still.blocks, 0, 255).astype(np.uint8)
+    size = np.array([still.columns / look.camera.width, still.rows / look.camera.height])
+    first = (np.array([look.left, look.top]) + 0.5 * look.reduction) * size - 0.5
+    of_blocks = np.asarray(at * (look.reduction * size) + first, np.float32)
+    cv2.patchNaNs(of_blocks, NOWHERE)
+    found = cv2.remap(blocks, of_blocks, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+    return np.asarray(found > 0)

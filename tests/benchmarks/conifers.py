@@ -74,7 +74,8 @@ def told(folder: Path, wood: Wood) -> None:
     units = laid_on_truth(painted, flight)
     true_scale = flight.scene.camera.lens.focal / painted[0].camera.focal / wood.height
     people = np.array([one.place(0.0) for one in flight.scene.targets])
-    found = [clicked(view, island, painted, people, number, units, true_scale) for number in range(len(people))]
+    keeper = LensKeeper(view)
+    found = [clicked(keeper, island, painted, people, number, units, true_scale) for number in range(len(people))]
     tried = [one for one in found if one is not None]
     print(f"{sum(one.rank > 0 for one in tried)} of {len(tried)} people are among {HINTS} hints of the lens over them")
     false, hectares = sum(one.false for one in tried), max(sum(one.square_m for one in tried) / 1e4, 1e-9)
@@ -110,7 +111,7 @@ class Clicked:
 
 
 def clicked(
-    view: FlightView,
+    keeper: LensKeeper,
     island: int,
     painted: Sequence[RenderItem],
     people: Floats,
@@ -124,14 +125,14 @@ def clicked(
     if seeing < ENOUGH:
         return None
     try:
-        seen = LensKeeper(view).look(LensWish(island=island, x=x, y=y, hints=HINTS, unit_m=units.metres))
+        seen = keeper.look(LensWish(island=island, x=x, y=y, hints=HINTS, unit_m=units.metres))
     except UsageError as error:
         print(f"  {seeing} looks: {error}")
         return Clicked(0, 0, 0, 0.0)
     away = [np.linalg.norm(people - units.world(one.x, one.y), axis=1) for one in seen.hints]
     rank = next((at for at, one in enumerate(away, 1) if one[number] < NEAR), 0)
     nobody = [bool(one.min() >= NEAR) for one in away]
-    known = "known" if seen.focus.known else "a guess"
+    known = "known" if seen.focus.known else "as around it" if seen.focus.beside else "a guess"
     way = true_scale * _away(seen, units)
     print(f"  {seeing} looks: focus {way:.2f} of the way down, {known}; hint {rank or 'none'}", flush=True)
     side = seen.lens.window.side * units.metres

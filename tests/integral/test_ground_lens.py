@@ -11,6 +11,7 @@ import tifffile
 from gcs_mosaic.cli.main import main
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.integral.flight_looks import HIGHEST, LOWEST
+from gcs_mosaic.integral.focus import Focus
 from gcs_mosaic.integral.forms import looks_of, mean
 from gcs_mosaic.integral.ground_lens import GroundLens, ground_lens
 from gcs_mosaic.integral.lens_keeper import LensKeeper, LensWish
@@ -114,3 +115,16 @@ def test_a_lens_tells_the_revision_at_which_it_was_opened(flown: Path, monkeypat
     monkeypatch.setattr(view, "table", lambda *_: replace(before, revision=before.revision + 5))
     assert keeper.look(replace(wish, height=0.02)).lens.revision == before.revision
     assert keeper.look(wish).lens.revision == before.revision + 5
+
+
+def test_where_the_ground_is_not_seen_it_is_sought_around(flown: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As beneath a closed crown beside a clearing; for as long as somebody waits for it."""
+    island, x, y = place_of(flown)
+    view, wish = FlightView(flown), LensWish(island=island, x=x, y=y, cells=64)
+    nothing = Focus(height=-0.3, known=False, agreement=2.0, heights=np.zeros(2), curve=np.ones(2))
+    monkeypatch.setattr("gcs_mosaic.integral.ground_lens.ground_focus", lambda *_: nothing)
+    seen = LensKeeper(view).look(wish)
+    assert (seen.focus.beside, seen.focus.known, seen.focus.is_guess) == (True, False, False)
+    assert abs(seen.height) < 0.02
+    monkeypatch.setattr("gcs_mosaic.integral.lens_keeper.BESIDE_S", -1.0)
+    assert LensKeeper(view).look(wish).focus == nothing

@@ -9,8 +9,10 @@ terms beyond the two modelled).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.arrays import FloatImage, Mask, PointsNx2, ShiftGrid
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -61,12 +63,10 @@ class ReliefDisplacement:
     def at(self, camera: Camera, pixels: PointsNx2) -> PointsNx2:
         """Shifts (n, 2) in pixels at pixels (n, 2); outside the frame, those of its border."""
         across, down = (
-            np.clip(np.nan_to_num(pixels[:, k]) * ((nodes - 1) / max(size - 1, 1)), 0, nodes - 1)
+            np.minimum(np.fmax(pixels[:, k] * ((nodes - 1) / max(size - 1, 1)), 0), nodes - 1)  # NaN becomes 0
             for k, (size, nodes) in enumerate(((camera.width, self.columns), (camera.height, self.rows)))
         )
-        # As complex numbers x and y are fetched from memory together.
-        nodes = self.grid.astype(np.float64).view(np.complex128)[..., 0] * camera.half_diagonal
-        nodes = np.pad(nodes, ((0, 1), (0, 1)), mode="edge").ravel()
+        nodes = _nodes(self, camera.half_diagonal)
         column, row = across.astype(np.intp), down.astype(np.intp)
         right, below, corner = across - column, down - row, row * (self.columns + 1) + column
         upper = nodes[corner] * (1 - right) + nodes[corner + 1] * right
@@ -74,6 +74,16 @@ class ReliefDisplacement:
         lower = nodes[corner] * (1 - right) + nodes[corner + 1] * right
         shifts = upper * (1 - below) + lower * below
         return np.asarray(shifts.view(np.float64).reshape(-1, 2))
+
+
+@lru_cache(maxsize=256)
+def _nodes(relief: ReliefDisplacement, half_diagonal: float) -> NDArray[np.complex128]:
+    """Shifts in pixels, with one more row and column than there are, the last once more. As complex numbers x and y are fetched
+    from memory together."""
+    nodes = relief.grid.astype(np.float64).view(np.complex128)[..., 0] * half_diagonal
+    padded = np.pad(nodes, ((0, 1), (0, 1)), mode="edge").ravel()
+    padded.flags.writeable = False
+    return padded
 
 
 def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: PointsNx2) -> PointsNx2:

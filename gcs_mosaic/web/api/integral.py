@@ -73,6 +73,7 @@ class IntegralAnswer:
     ground: Annotated[
         float | None, "where the ground was found by itself; null where looks agree nowhere, or at many heights"
     ]
+    ground_is_beside: Annotated[bool, "it was not found at this place, but around it"]
     lowest: float
     highest: float
     flying_height: Annotated[float, "canvas units, as far as the focal length is known"]
@@ -150,7 +151,8 @@ def _told(seen: LensView, picture: bytes) -> IntegralAnswer:
     return IntegralAnswer(
         map_revision=seen.lens.revision,
         height=round(seen.height, 5),
-        ground=round(seen.focus.height, 5) if seen.focus.known else None,
+        ground=None if seen.focus.is_guess else round(seen.focus.height, 5),
+        ground_is_beside=seen.focus.beside,
         lowest=LOWEST,
         highest=HIGHEST,
         flying_height=seen.lens.flying_height,

@@ -158,6 +158,7 @@ export class Trees {
       t("Focus {percent} % of the flying height above the map's ground{metres}.", { percent, metres }),
     ];
     if (answer.ground === null) lines.push(t("Where the ground lies is not known here: the looks agree at no height, or at many as crowns do. Move the focus."));
+    else if (answer.ground_is_beside) lines.push(t("The ground is not seen here by itself: it was found around this place, at {percent} %.", { percent: (100 * answer.ground).toFixed(1) }));
     else if (Math.abs(answer.height - answer.ground) > 0.001) lines.push(t("The ground was found at {percent} %.", { percent: (100 * answer.ground).toFixed(1) }));
     if (unit && answer.known_to === null) lines.push(t("How many metres that are is not known: the pictures do not tell the angle of view."));
     if (answer.left_out) lines.push(t("{n} more looks, evenly among these, are left out: so many are not kept in memory.", { n: answer.left_out }));

@@ -330,6 +330,7 @@ export default {
   "The flight's folder is gone: put it back where it was. What the map does not show now may have been seen.": "Der Ordner des Flugs ist weg: dorthin zurücklegen, wo er war. Was die Karte jetzt nicht zeigt, kann gesehen worden sein.",
   "The folder {folder} is missing": "Der Ordner {folder} fehlt",
   "The folder {name} is missing: it is waited for; see that the card or the share is there": "Der Ordner {name} fehlt: auf ihn wird gewartet; nachsehen, ob Karte oder Freigabe da ist",
+  "The ground is not seen here by itself: it was found around this place, at {percent} %.": "Der Boden ist hier selbst nicht zu sehen: um diese Stelle herum wurde er bei {percent} % gefunden.",
   "The ground was found at {percent} %.": "Der Boden wurde bei {percent} % gefunden.",
   "The ground's height was found at {n} of {all} places; elsewhere the focus is a guess: set it.": "Die Höhe des Bodens wurde an {n} von {all} Stellen gefunden; anderswo ist der Fokus geraten: ihn einstellen.",
   "The ground's height was found everywhere.": "Die Höhe des Bodens wurde überall gefunden.",
