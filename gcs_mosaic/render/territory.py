@@ -174,7 +174,7 @@ class Territory(Kept):
         for key in hosts:
             if self._note_hosted(key, part(cells, window.place(key)) if key in hosting else None):
                 changed.add(key)
-        if all(self._frame_cache.has_seen(one) for key in hosts for one in frames[key]):
+        if all(map(self._frame_cache.has_seen, {one.name: one for key in hosts for one in frames[key]}.values())):
             self._let_in |= {key: frames[key] for key in hosts}
         return changed
 
