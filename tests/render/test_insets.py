@@ -180,7 +180,12 @@ def test_insets_are_let_in_again_only_where_something_is_otherwise(monkeypatch: 
     images = {frame.name: image for frame, image in [high, *near]}
     asked: list[str] = []
     things = Territory._things
-    monkeypatch.setattr(Territory, "_things", lambda self, one: (asked.append(one.name), things(self, one))[1])
+
+    def noted(self: Territory, one: RenderItem) -> object:
+        asked.append(one.name)
+        return things(self, one)
+
+    monkeypatch.setattr(Territory, "_things", noted)
     moved = replace(near[0][0], pose=replace(near[0][0].pose, x=near[0][0].pose.x + 3.0))
     brighter = replace(high[0], gain=(1.1, 1.1, 1.1))
     with TileCompositor(images.get, CompositorSettings()) as canvas:
