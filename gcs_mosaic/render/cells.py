@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
+import cv2
 import numpy as np
 
 from gcs_mosaic.render.render_list import TileKey
@@ -220,21 +221,26 @@ def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[C
 def laid(cells: Cells, seen: Seen, number: int, decided: Lattice, wins: Mask, follows: Mask) -> Cells:
     """The cells with a frame as their first where it `wins` (h, w), as their second where it `follows`."""
     known = cells.first != NOBODY
-
-    def second(of_first: AnyArray, of_second: AnyArray, new: AnyArray | np.int32) -> AnyArray:
-        return np.where(wins, of_first, np.where(follows, new, of_second))
-
-    of_all, of_both = len(seen.planes), len(cells.planes) - len(seen.planes)
-    lead = np.where(wins, np.where(known, decided, np.float32(np.inf)), np.where(follows, -decided, cells.lead))
-    planes = [np.where(wins, new, old) for new, old in zip(seen.planes, cells.planes[:of_all], strict=True)]
+    decided = np.asarray(decided, np.float32)
+    first, second, lead, score, inside, planes = (array.copy() for array in cells.arrays)
+    of_all, of_both = len(seen.planes), len(planes) - len(seen.planes)
+    _put(first, np.full_like(first, number), wins)
+    _put(second, cells.first, wins)
+    _put(second, np.full_like(second, number), follows)
+    _put(lead, np.where(known, decided, np.float32(np.inf)), wins)
+    _put(lead, -decided, follows)
+    _put(score, seen.score, wins)
+    _put(inside[0], seen.inside, wins)
+    _put(inside[1], cells.inside[0], wins)
+    _put(inside[1], seen.inside, follows)
+    for k in range(of_all):
+        _put(planes[k], seen.planes[k], wins)
     for k in range(of_all - of_both, of_all):
-        planes.append(second(cells.planes[k], cells.planes[k + of_both], seen.planes[k]))
-    inside = [np.where(wins, seen.inside, cells.inside[0]), second(cells.inside[0], cells.inside[1], seen.inside)]
-    return Cells(
-        first=np.where(wins, np.int32(number), cells.first),
-        second=second(cells.first, cells.second, np.int32(number)),
-        lead=np.asarray(lead, np.float32),
-        score=np.where(wins, seen.score, cells.score),
-        inside=np.stack(inside),
-        planes=np.stack(planes) if planes else cells.planes,
-    )
+        _put(planes[k + of_both], cells.planes[k], wins)
+        _put(planes[k + of_both], seen.planes[k], follows)
+    return Cells(first, second, lead, score, inside, planes)
+
+
+def _put(there: AnyArray, values: AnyArray, where: Mask) -> None:
+    """Overwrite where the mask is true, in place: same shape and type. Of bytes OpenCV does that ten times as fast as numpy."""
+    cv2.copyTo(values, where.view(np.uint8), there)

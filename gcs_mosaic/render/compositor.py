@@ -22,7 +22,7 @@ import numpy as np
 from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.blending import mix, mix_pixels
-from gcs_mosaic.render.cells import around
+from gcs_mosaic.render.cells import around, grouped, window_around
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.frame_cache import FrameCache
 from gcs_mosaic.render.frame_warp import FrameWarp
@@ -248,7 +248,7 @@ class TileCompositor(Kept):
     def repaint_step(self, block: int = BLOCK) -> set[TileKey]:
         """One step of `repaint`, while there are stale tiles: a frame's work, or the replacement of tiles."""
         if self._insets_wait:
-            self._settle(self._unhosted)
+            self._settle(self._territory.let_insets_in(self._unhosted))
             self._note_due(self._territory.with_insets(self._unhosted))
             self._unhosted = frozenset()
             return set()
@@ -379,10 +379,12 @@ class TileCompositor(Kept):
 
         waiting = {**self._due, **self._behind}
         ready = waiting.keys() - self._kept() or waiting.keys()
-        # Counted from the first waiting tile: a map that fits into one block is not split.
-        top, left = min(key[1].y for key in ready), min(key[1].x for key in ready)
+        # Counted from the first waiting tile of each level: a map that fits into one block is not split.
+        firsts = (window_around(some) for some in grouped(ready))
+        corners = {(first.island, first.level): (first.top, first.left) for first in firsts}
 
         def block(key: TileKey) -> tuple[int, int, int, int]:
+            top, left = corners[key[0], key[1].z]
             return key[0], key[1].z, (key[1].y - top) // side, (key[1].x - left) // side
 
         _, chosen = min((-waiting[key], block(key)) for key in ready)

@@ -15,9 +15,9 @@ from gcs_mosaic.stitch.transaction import Kept
 # Share of an island's frames finer than the one its level is chosen for: a level finer than needed costs four times the pixels,
 # and a flight begins with a climb.
 FINER = 0.75
-# A frame of more than the first is painted with at most the second of them at first: some more than an old screen has, a quarter
-# of a second's work.
-LARGE_PIXELS, FIRST_PIXELS = 4_000_000, 1_500_000
+# A frame of more than the first (full HD has 2.1) is painted with at most the second of them at first: some more than an old
+# screen has, a quarter of a second's work.
+LARGE_PIXELS, FIRST_PIXELS = 2_500_000, 1_500_000
 
 
 def coarser_at_first(painted: RenderItem) -> RenderItem:

@@ -17,7 +17,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from gcs_mosaic.render.warp import NOWHERE
+from gcs_mosaic.render.warp import NOWHERE, times_each
 from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, FloatPlanes, FloatRows, Lattice, Mask, PointsNx2
 
 COLUMNS, ROWS = 8, 6  # nodes, in the middles of as many equal parts of a frame
@@ -175,8 +175,8 @@ def apart(one: LightField | None, other: LightField | None) -> float:
 
 def factors(field: LightField, pixels: Lattice, width: int, height: int) -> Lattice:
     """Factor (h, w, bands) at pixels (h, w, 2) of a frame; at its border where nowhere (NaN)."""
-    scale = np.array([FINE[1] / width, FINE[0] / height], np.float32)
-    places = np.nan_to_num((pixels + np.float32(0.5)) * scale - np.float32(0.5), nan=NOWHERE).astype(np.float32)
+    places = times_each(pixels + np.float32(0.5), (FINE[1] / width, FINE[0] / height)) - np.float32(0.5)
+    places = np.nan_to_num(places, nan=NOWHERE)
     made = [
         cv2.remap(band, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
         for band in field.fine()

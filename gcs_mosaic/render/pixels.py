@@ -17,7 +17,7 @@ from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.render.tone import FINE
-from gcs_mosaic.render.warp import tile_picture, upscale
+from gcs_mosaic.render.warp import tile_picture, times_each, upscale
 from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, ImageBGR, Lattice, Mask, Share, ToneShifts
 
 Place = tuple[slice, slice]
@@ -118,7 +118,8 @@ def piece(
         if part is None or part.shift is None
         else enlarged(np.moveaxis(part.shift, 0, 2).astype(np.float32) / FINE)[place]
     )
-    colour = display.lightened(_lit(colour, gain, None if bright is None else bright[..., display.shown], shift))
+    by = None if bright is None else times_each(_shown(bright, display.shown), gain)
+    colour = display.lightened(_lit(colour, gain, by, shift))
     if bands is not None and keep == "gained":
         bands = display.gained(bands, frame.painted.gain)
         bands = bands if bright is None else display.times(bands, bright)
@@ -129,6 +130,12 @@ def piece(
     return Piece(place, colour, coverage, bands, frame.lattice.weight[window].copy())
 
 
+def _shown(bright: Lattice, shown: tuple[int, int, int]) -> Lattice:
+    """Those of the factors (h, w, bands) that are of the bands shown, (h, w, 3)."""
+    is_all = shown == (0, 1, 2) and bright.shape[2] == 3
+    return bright if is_all else np.ascontiguousarray(bright[..., shown])
+
+
 def enlarged(patch: AnyImage) -> AnyImage:
     """Values (n + 2, n + 2[, k]) at the centres of a tile's n * n parts and those around, at its pixels (256, 256[, k])."""
     step = TILE_SIZE // (len(patch) - 2)
@@ -136,12 +143,12 @@ def enlarged(patch: AnyImage) -> AnyImage:
     return np.asarray(wide)[step:-step, step:-step]
 
 
-def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | None, shift: Lattice | None) -> ImageBGR:
-    """An image (h, w, 3) times its gains and a factor (h, w, 3), rolled off, plus a shift (h, w, 3); white stays white."""
-    if bright is None:
+def _lit(colour: ImageBGR, gain: tuple[float, float, float], by: Lattice | None, shift: Lattice | None) -> ImageBGR:
+    """An image (h, w, 3) times its gains, or a factor (h, w, 3) with them, rolled off, plus a shift (h, w, 3); white stays
+    white."""
+    if by is None:
         lit: Any = apply_gain(colour, gain)
     else:
-        by = bright * np.array(gain, np.float32)
         lit = cv2.multiply(colour, by, dtype=cv2.CV_32F)
         most = float(by.max(initial=0))
         if most > 1 and int(colour.max(initial=0)) * most > SHOULDER:  # few tiles
@@ -150,7 +157,7 @@ def _lit(colour: ImageBGR, gain: tuple[float, float, float], bright: Lattice | N
                 lit[rows] = rolled_off(lit[rows], by[rows])
     if shift is not None:
         lit = cv2.add(lit, shift, dtype=cv2.CV_8U)
-    elif bright is not None:
+    elif by is not None:
         lit = cv2.convertScaleAbs(lit)
     return with_whites(np.asarray(lit, np.uint8), colour)
 

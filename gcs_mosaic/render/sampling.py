@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.cells import PARTLY, WHOLLY, Window
-from gcs_mosaic.render.warp import NOWHERE, refined
+from gcs_mosaic.render.warp import NOWHERE, refined, times_each
 from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice
 from gcs_mosaic.stitch.arrays import AnyImage, CellFlags, Lattice
 
@@ -81,9 +81,8 @@ def _most(points: Lattice) -> Lattice:
 
 def places_in(pixels: Lattice, lattice: FrameLattice, shape: tuple[int, ...]) -> Lattice:
     """Places in a map (rows, columns, ...) of the whole frame, of frame pixels (h, w, 2)."""
-    scale = np.array([shape[1] / lattice.camera.width, shape[0] / lattice.camera.height], np.float32)
-    places = np.asarray(pixels + np.float32(0.5), np.float32)
-    places *= scale
+    scale = shape[1] / lattice.camera.width, shape[0] / lattice.camera.height
+    places = times_each(pixels + np.float32(0.5), scale)
     places -= np.float32(0.5)
     np.copyto(places, np.float32(NOWHERE), where=np.isnan(places))
     return places

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOM = 4096  # bytes; slots are multiples of it, so that they can be reused
@@ -35,13 +36,14 @@ class ScratchFile:
         self._holes: dict[int, list[int]] = {}  # offsets of free slots, by size
         self.end = 0
 
-    def write(self, data: bytes | memoryview) -> Slot:
-        """Raises OSError, and then nothing has changed."""
-        size = -(-len(data) // ROOM) * ROOM
+    def write(self, *parts: bytes | memoryview) -> Slot:
+        """These bytes, one part after another. Raises OSError, and then nothing has changed."""
+        length = sum(len(part) for part in parts)
+        size = -(-length // ROOM) * ROOM
         holes = self._holes.get(size)
         slot = Slot(holes.pop() if holes else self.end, size, self._holes)
         self.end = max(self.end, slot.offset + slot.size)
-        written = self._write_at(slot.offset, [data, bytes(size - len(data))])
+        written = self._write_at(slot.offset, [*parts, bytes(size - length)])
         if written != size:
             raise OSError(f"only {written} of {size} bytes could be written")
         return slot
@@ -56,7 +58,7 @@ class ScratchFile:
     def close(self) -> None:
         self._file.close()
 
-    def _write_at(self, offset: int, parts: list[bytes | memoryview]) -> int:
+    def _write_at(self, offset: int, parts: Sequence[bytes | memoryview]) -> int:
         """How many bytes were written."""
         if hasattr(os, "pwritev"):
             return os.pwritev(self._file.fileno(), parts, offset)

@@ -55,6 +55,8 @@ class Territory(Kept):
         self._coming: dict[str, tuple[RenderItem, Window, Future[Seen]]] = {}
         self._numbers: dict[str, int] = {}  # of all frames ever seen, by name
         self._names: list[str] = []  # by number
+        # By host: its frames and insets when these were let in to its present cells.
+        self._let_in: dict[TileKey, tuple[RenderItem, ...]] = {}
 
     def lay_over(self, frame: FrameWarp, keys: Collection[TileKey], *, anew: bool = False) -> set[TileKey]:
         """Lay a frame over the cells of these tiles, or over those being decided again (`anew`); returns the tiles that have
@@ -68,6 +70,8 @@ class Territory(Kept):
         changed = touched(other, window).intersection(keys)
         for key in changed:
             self._store.put((key, kind), part(after, window.place(key)))
+        if not anew:
+            self._forget_insets(changed)
         return changed
 
     def expect(self, frame: FrameWarp, keys: Collection[TileKey]) -> None:
@@ -93,6 +97,7 @@ class Territory(Kept):
                 self._store.put((key, "cells"), after)
                 changed.add(key)
         self.drop_fresh(keys)
+        self._forget_insets(changed)
         return changed
 
     def hosts(self, keys: Iterable[TileKey]) -> set[TileKey]:
@@ -109,10 +114,13 @@ class Territory(Kept):
 
     def settle(self, changed: Iterable[TileKey]) -> set[TileKey]:
         """Update cell owners of changed tiles and their neighbours; returns the tiles that may look different."""
-        groups = grouped(changed)
-        for keys in groups:
-            self._let_insets_in(keys)
-        return set[TileKey]().union(*[self._settle(keys) for keys in groups])
+        self.let_insets_in(changed)
+        return set[TileKey]().union(*[self._settle(keys) for keys in grouped(changed)])
+
+    def let_insets_in(self, keys: Iterable[TileKey]) -> set[TileKey]:
+        """Recompute where insets show things on tiles that no frame painted there has; returns the tiles on which that has
+        changed, to be settled."""
+        return set[TileKey]().union(*[self._let_insets_in(some) for some in grouped(keys)])
 
     def plans(self, keys: Iterable[TileKey]) -> dict[TileKey, Plan]:
         """Plans of these tiles."""
@@ -147,22 +155,38 @@ class Territory(Kept):
             return coming[2].result()
         return self._mode.see(frame, self._frame_cache.blend_maps(frame.painted), window)
 
-    def _let_insets_in(self, keys: Iterable[TileKey]) -> None:
-        """Recompute, for tiles of one level, where insets show things that no frame painted there has."""
+    def _let_insets_in(self, keys: set[TileKey]) -> set[TileKey]:
+        """As `let_insets_in`, for tiles of one level. What is known of a tile is a function of its cells and of these frames."""
         hosts = {key for key in self.hosts(keys) if (key, "cells") in self._store}
-        for key in set(keys) - hosts:
-            self._store.put((key, "hosted"), None)
+        changed = {key for key in keys - hosts if self._note_hosted(key, None)}
+        self._forget_insets(keys - hosts)
+        frames = {key: (*self._frames.on(key), *self._frames.insets_on(key)) for key in hosts}
+        hosts = {key for key in hosts if self._let_in.get(key) != frames[key]}
         if not hosts or self._mode.admit is None:
-            return
+            return changed
         window = window_around(hosts).above(INSET_LEVELS).below(INSET_LEVELS)
         before = cells = self._cells(hosts, window, "cells")
         insets = {one.name: one for key in hosts for one in self._frames.insets_on(key)}
         for painted in sorted(insets.values(), key=lambda one: one.turn):
             if (known := self._things(painted)) is not None:
                 cells = self._mode.admit(cells, window, known, self._number(painted.name), self._seer)
-        changed = touched(cells.first != before.first, window)
+        hosting = touched(cells.first != before.first, window)
         for key in hosts:
-            self._store.put((key, "hosted"), part(cells, window.place(key)) if key in changed else None)
+            if self._note_hosted(key, part(cells, window.place(key)) if key in hosting else None):
+                changed.add(key)
+        if all(map(self._frame_cache.has_seen, {one.name: one for key in hosts for one in frames[key]}.values())):
+            self._let_in |= {key: frames[key] for key in hosts}
+        return changed
+
+    def _note_hosted(self, key: TileKey, cells: Cells | None) -> bool:
+        """Note a tile's cells with insets, None without any; returns whether that differs from what was known."""
+        before = self._store.get((key, "hosted"))
+        self._store.put((key, "hosted"), cells)
+        return before is not cells and (before is None or cells is None or not alike(before, cells))
+
+    def _forget_insets(self, keys: Iterable[TileKey]) -> None:
+        for key in keys:
+            self._let_in.pop(key, None)
 
     def _cells(self, keys: Iterable[TileKey], window: Window, *kinds: str) -> Cells:
         """Cells of tiles, each of the first of these kinds that exists."""

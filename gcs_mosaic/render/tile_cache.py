@@ -21,6 +21,8 @@ logger = logging.getLogger(__name__)
 
 Key = Hashable
 
+ALIGNED = 64  # bytes
+
 
 @cache
 def full_coverage(side: int) -> Coverage:
@@ -79,12 +81,20 @@ class Sized(Protocol):
     def nbytes(self) -> int: ...
 
 
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a value is in the file: pickled, and its arrays of these lengths behind that, each as it is in memory."""
+
+    slot: Slot
+    lengths: tuple[int, ...]
+
+
 @dataclass(slots=True, eq=False)
 class _Held:
     """A value, in memory or in the file or both. The value never changes, only its location."""
 
     value: Any
-    place: Slot | None = None
+    place: _Place | None = None
 
 
 class Store(Kept):
@@ -172,9 +182,25 @@ class Store(Kept):
         self._used -= held.value.nbytes
         held.value = None
 
-    def _write(self, value: Sized) -> Slot:
-        return self._file.write(pickle.dumps(value, protocol=5))
+    def _write(self, value: Sized) -> _Place:
+        buffers: list[pickle.PickleBuffer] = []
+        pickled = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)  # which copies no array
+        parts = [memoryview(pickled), *(buffer.raw() for buffer in buffers)]
+        gaps = (bytes(_aligned(len(part)) - len(part)) for part in parts)
+        slot = self._file.write(*[piece for both in zip(parts, gaps, strict=True) for piece in both])
+        return _Place(slot, tuple(len(part) for part in parts))
 
     def _read(self, held: _Held) -> Any:
         assert held.place is not None, "a value is in memory or in the file"
-        return pickle.loads(self._file.read(held.place))
+        data = memoryview(self._file.read(held.place.slot))
+        parts: list[memoryview] = []
+        start = 0
+        for length in held.place.lengths:
+            parts.append(data[start : start + length])
+            start += _aligned(length)
+        return pickle.loads(parts[0], buffers=parts[1:])
+
+
+def _aligned(length: int) -> int:
+    """A length up to where an array of any type may begin."""
+    return -(-length // ALIGNED) * ALIGNED

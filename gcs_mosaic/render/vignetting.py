@@ -77,7 +77,8 @@ def _curves(rows: RowsNx3) -> tuple[Curve, ...]:
 
 def radii(pixels: PointsNx2, width: int, height: int) -> RowsNx3:
     """r, r**2 and r**4 (n, 3) of pixels (n, 2) of a frame."""
-    squared = (((pixels - [(width - 1) / 2, (height - 1) / 2]) / (np.hypot(width, height) / 2)) ** 2).sum(axis=1)
+    half = np.hypot(width, height) / 2
+    squared = ((pixels[:, 0] - (width - 1) / 2) / half) ** 2 + ((pixels[:, 1] - (height - 1) / 2) / half) ** 2
     return np.stack([np.sqrt(squared), squared, squared**2], axis=1)
 
 

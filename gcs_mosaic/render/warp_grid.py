@@ -77,8 +77,9 @@ class FrameLattice:
 
     def inside(self) -> Mask:
         """Which lattice points lie within the painted area of the frame."""
-        least, most = self.limits
-        within = np.logical_and(self.pixels > least, self.pixels < most).all(axis=-1)
+        (left, top), (right, bottom) = self.limits
+        x, y = self.pixels[..., 0], self.pixels[..., 1]
+        within = (x > left) & (x < right) & (y > top) & (y < bottom)
         return np.asarray(within if self.useful is None else within & (self.useful > 0))
 
     def tiles(self) -> Iterator[Tile]:

@@ -67,7 +67,7 @@ def levels_of(queue: RepaintQueue) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "coarser"), [(4000, 3000, 2), (2000, 2000, 0), (2300, 1800, 1), (8000, 6000, 3), (640, 480, 0)]
+    ("width", "height", "coarser"), [(4000, 3000, 2), (2000, 1500, 1), (1920, 1080, 0), (8000, 6000, 3), (640, 480, 0)]
 )
 def test_a_frame_is_as_much_coarser_as_it_is_too_large(width: int, height: int, coarser: int) -> None:
     camera = replace(SMALL, width=width, height=height)

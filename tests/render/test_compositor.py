@@ -215,6 +215,21 @@ def test_a_repaint_decodes_each_original_once(canvas: Canvases) -> None:
     assert sorted(asked) == [frame.name for frame in frames]
 
 
+@pytest.mark.parametrize("column", range(5))
+def test_a_level_that_fits_into_one_block_is_painted_together_whatever_waits_on_others(
+    canvas: Canvases, column: int
+) -> None:
+    """Tiles of a coarser level have smaller numbers: blocks of a finer one are not counted from these."""
+    c, block = canvas(originals), 5
+    fine = [painted(i, 256.0 * column + 500.0 * i, 300.0, level=16) for i in range(2)]
+    c.move([painted(2, 9000.0, 300.0, gsd=4.0, level=14)])
+    c.move(fine, urgency=1.0)
+    there = {key for key in c._behind if key[1].z == 16}
+    columns = {key[1].x for key in there}
+    assert 3 <= max(columns) - min(columns) < block
+    assert c._next_block(block) == there
+
+
 def test_only_tiles_that_are_to_look_otherwise_are_made_anew(canvas: Canvases) -> None:
     """A frame in the midst of others moves a little; where it is far from showing, nothing happens."""
     wide = Camera(900, 700, focal=1.2)

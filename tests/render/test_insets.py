@@ -1,6 +1,7 @@
 """Frames flown at different heights over one ground: the finer show, but for what only the coarser have seen."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -14,6 +15,7 @@ from gcs_mosaic.render.cells import Window
 from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
 from gcs_mosaic.render.frame_warp import frame_warp, on_level
 from gcs_mosaic.render.render_list import RenderItem
+from gcs_mosaic.render.territory import Territory
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.render.warp_grid import frame_lattice
 from gcs_mosaic.stitch.camera.geometry import Camera
@@ -170,6 +172,36 @@ def test_an_inset_that_moves_or_leaves_takes_what_it_showed_along() -> None:
         canvas.remove([high[0].name])
         list(canvas.repaint())
         np.testing.assert_array_equal(tiles_at_16(canvas), mosaic(near))
+
+
+def test_insets_are_let_in_again_only_where_something_is_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """First nothing, then a frame that is shown, then the inset: what is as if nobody had known it before."""
+    high, near = flown(0, 0, 0, HALF, ground([(*PERSON, 12)])), finer_ones(ground(), 1)
+    images = {frame.name: image for frame, image in [high, *near]}
+    asked: list[str] = []
+    things = Territory._things
+
+    def noted(self: Territory, one: RenderItem) -> object:
+        asked.append(one.name)
+        return things(self, one)
+
+    monkeypatch.setattr(Territory, "_things", noted)
+    moved = replace(near[0][0], pose=replace(near[0][0].pose, x=near[0][0].pose.x + 3.0))
+    brighter = replace(high[0], gain=(1.1, 1.1, 1.1))
+    with TileCompositor(images.get, CompositorSettings()) as canvas:
+        for frame, image in [high, *near]:
+            canvas.paint(image, frame)
+        list(canvas.repaint())
+        asked.clear()
+        assert canvas._territory.let_insets_in(canvas._recipes) == set()
+        assert not asked
+        for other in (moved, brighter):
+            canvas.move([other])
+            list(canvas.repaint())
+            assert set(asked) == {high[0].name}
+            asked.clear()
+        anew = mosaic([(brighter, high[1]), (moved, near[0][1]), *near[1:]])
+        np.testing.assert_array_equal(tiles_at_16(canvas), anew)
 
 
 def test_an_inset_lies_on_finer_tiles_where_it_lies_on_its_own() -> None:

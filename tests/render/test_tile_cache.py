@@ -1,10 +1,13 @@
 import resource
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gcs_mosaic.render.render_list import TileKey
 from gcs_mosaic.render.tile_cache import Layer, Store, full_coverage, make_layer
@@ -20,6 +23,12 @@ def layer(seed: int, full: bool = True) -> Layer:
     weight = rng.random((LATTICE, LATTICE), dtype=np.float32)
     bands = None if seed % 3 == 0 else rng.integers(0, 4000, (256, 256, seed % 3)).astype(np.uint16)
     return sure(make_layer(colour, coverage, weight, bands))
+
+
+@dataclass(frozen=True)
+class _Arrays:
+    arrays: tuple[NDArray[Any], ...]
+    nbytes: int = 1000
 
 
 @pytest.fixture
@@ -54,6 +63,22 @@ def test_layers_come_back_as_they_were_from_memory_and_disk(new_store: Callable[
     assert all(same(store.get(key(i)), layer(i, full=i % 2 == 0)) for i in (0, 8, 1, 7, 2, 6, 3, 5, 4))
     assert [store.get(key(i)).is_full for i in range(9)] == [i % 2 == 0 for i in range(9)]
     assert store.get(key(99)) is None
+
+
+def test_arrays_of_any_kind_come_back_from_the_disk_where_their_type_may_begin(
+    new_store: Callable[[int], Store],
+) -> None:
+    kinds = [
+        np.arange(size, dtype=kind) for kind in (np.uint8, np.int16, np.float32, np.float64) for size in (1, 7, 999)
+    ]
+    views = [np.arange(60).reshape(6, 10)[::2, 1:], np.asfortranarray(np.eye(5)), np.zeros((0, 3))]
+    store = new_store(1)
+    for i, array in enumerate([*kinds, *views]):
+        store.put(key(i), _Arrays((array, array[:1])))
+    for i, array in enumerate([*kinds, *views]):
+        for one, other in zip(store.get(key(i)).arrays, (array, array[:1]), strict=True):
+            np.testing.assert_array_equal(one, other, strict=True)
+            assert one.flags.aligned
 
 
 def test_a_layer_that_gets_another_key_is_not_written_again(new_store: Callable[[int], Store]) -> None:
