@@ -1,6 +1,6 @@
 """A folder of frames through the whole pipeline: accounts that close, tiles that the ledger alone explains."""
 
-from dataclasses import replace
+import shutil
 from pathlib import Path
 
 import cv2
@@ -23,6 +23,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
 from tests.rebuilt import assert_explained, painted_of
+from tests.settings import FEW_FEATURES
 from tests.sure import sure
 
 QUIET = Console(quiet=True)
@@ -40,7 +41,7 @@ def stitched(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Pat
     cv2.imwrite(str(folder / "DCIM" / "black.png"), np.zeros((480, 640, 3), np.uint8))
     (folder / "DCIM" / "cut.jpg").write_bytes(next(folder.rglob("*.JPG")).read_bytes()[:9000])
     (folder / "DCIM" / "copy.jpg").write_bytes(next(folder.rglob("*1.JPG")).read_bytes())
-    return stitch([folder], tmp_path_factory.mktemp("out") / "flight", Config(), QUIET)
+    return stitch([folder], tmp_path_factory.mktemp("out") / "flight", FEW_FEATURES, QUIET)
 
 
 @pytest.mark.long
@@ -72,7 +73,7 @@ def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched: Path, tm
 @pytest.mark.long
 def test_a_second_flight_goes_beside_the_first(stitched: Path) -> None:
     before = {p: p.stat().st_mtime_ns for p in stitched.rglob("*") if p.is_file()}
-    second = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], stitched, Config(), QUIET)
+    second = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], stitched, FEW_FEATURES, QUIET)
     assert second == stitched.with_name(f"{stitched.name}-2")
     assert {p: p.stat().st_mtime_ns for p in stitched.rglob("*") if p.is_file()} == before
 
@@ -88,7 +89,7 @@ def test_no_exif_and_no_name_can_move_a_frame(stitched: Path, tmp_path: Path) ->
             data = path.read_bytes()
             exif = b"\xff\xe1\x00\x16Exif\0\0MM\0*\0\0\0\x08\0\0\0\0\0\0" if variant else b""
             (folder / f"{'ab'[variant]}{k}.jpg").write_bytes(data[:2] + exif + data[2:])
-        out = stitch([folder], tmp_path / f"out{variant}", replace(Config()), QUIET)
+        out = stitch([folder], tmp_path / f"out{variant}", FEW_FEATURES, QUIET)
         with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
             poses.append([estimate.pose for estimate in ledger.estimates()])
     assert len(poses[0]) == 4
@@ -108,10 +109,13 @@ def test_a_frame_that_breaks_the_program_is_rejected_and_said(
         return place(self, features, name, order, aircraft)
 
     monkeypatch.setattr(Mosaic, "place", break_on_the_third)
-    out = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], tmp_path / "out", Config(), QUIET)
+    (tmp_path / "frames").mkdir()
+    for path in sorted((stitched / "frames").rglob("IMG*.JPG"))[:5]:
+        shutil.copy2(path, tmp_path / "frames")
+    out = stitch([tmp_path / "frames"], tmp_path / "out", FEW_FEATURES, QUIET)
     with Ledger(out / LEDGER_NAME, read_only=True) as ledger:
         rejected = ledger.frames(FrameState.REJECTED)
-        assert ledger.accounts().frames.placed == 11
+        assert ledger.accounts().frames.placed == 4
     assert [frame.name for frame in rejected] == ["IMG_0003.JPG"]
     assert "surprise" in sure(rejected[0].reason)
 
