@@ -314,11 +314,11 @@ def test_a_target_that_is_there(refused: Callable[..., str], tmp_path: Path) -> 
 @pytest.mark.long
 @pytest.mark.parametrize("format_name", ["geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson"])
 def test_without_an_anchor(
-    refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory, format_name: str
+    flight: AnchoredFlight, refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory, format_name: str
 ) -> None:
     root = tmp_path_factory.mktemp("loose") / "small"
     root.mkdir()
-    AnchoredFlight(root)
+    AnchoredFlight(root, drawn=flight.root)
     said = refused("--format", format_name, root=root)
     assert "has no anchor, and so no longitude: set two pins or more on its page" in said
     assert said.count("\n") == 1

@@ -26,6 +26,8 @@ from tests.rebuilt import assert_explained, painted_of
 from tests.settings import FEW_FEATURES
 from tests.sure import sure
 
+pytestmark = pytest.mark.long
+
 QUIET = Console(quiet=True)
 
 
@@ -44,7 +46,6 @@ def stitched(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Pat
     return stitch([folder], tmp_path_factory.mktemp("out") / "flight", FEW_FEATURES, QUIET)
 
 
-@pytest.mark.long
 def test_every_frame_is_accounted_for(stitched: Path) -> None:
     with Ledger(stitched / LEDGER_NAME, read_only=True) as ledger:
         frames = ledger.accounts().frames
@@ -62,7 +63,6 @@ def test_the_originals_are_kept_as_they_came(stitched: Path) -> None:
     assert all((stitched / sure(frame.original)).stat().st_size == frame.size for frame in kept)
 
 
-@pytest.mark.long
 def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched: Path, tmp_path: Path) -> None:
     """What was painted step by step, adjusted and repainted, is byte for byte what a rebuild writes."""
     assert {one.dead for one in painted_of(stitched)} == {DeadBorder(right=2, bottom=2)}
@@ -70,7 +70,6 @@ def test_tiles_are_a_function_of_the_ledger_and_the_originals(stitched: Path, tm
 
 
 @pytest.mark.thorough
-@pytest.mark.long
 def test_a_second_flight_goes_beside_the_first(stitched: Path) -> None:
     before = {p: p.stat().st_mtime_ns for p in stitched.rglob("*") if p.is_file()}
     second = stitch([stitched / "frames" / "DCIM" / "100MEDIA"], stitched, FEW_FEATURES, QUIET)
@@ -96,7 +95,6 @@ def test_no_exif_and_no_name_can_move_a_frame(stitched: Path, tmp_path: Path) ->
     assert poses[0] == poses[1]
 
 
-@pytest.mark.long
 def test_a_frame_that_breaks_the_program_is_rejected_and_said(
     tmp_path: Path, stitched: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -120,7 +118,6 @@ def test_a_frame_that_breaks_the_program_is_rejected_and_said(
     assert "surprise" in sure(rejected[0].reason)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("megapixels", "placed"), [(1.8, 3), (0.0, 1)])
 def test_frames_that_nothing_connects_are_looked_at_again(
     ground: np.ndarray, tmp_path: Path, megapixels: float, placed: int
