@@ -33,7 +33,10 @@ settings.register_profile("first", deadline=None, phases=[Phase.explicit, Phase.
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 
 # Files that take minutes: begun first, so that at the end no core waits for one of them.
-LONGEST = ("test_lower_bounds.py", "test_real_flights.py", "test_adversarial.py", "test_readme.py", "test_soak.py")
+LONGEST = (
+    *("test_lower_bounds.py", "test_readme.py", "test_soak.py", "test_style.py", "test_real_flights.py"),
+    *("test_adversarial.py", "test_wheel.py", "test_ground_page.py", "test_looking_page.py"),
+)
 
 ALL_LONG = re.compile(r"^pytestmark(, \w+)? = (\[\s*)?(pytest\.mark\.long|THOROUGH)\b", re.MULTILINE)
 SOME_LONG = re.compile(r"\b(long|thorough|THOROUGH)\b")

@@ -124,6 +124,7 @@ def test_gains_take_out_what_automatic_exposure_did(
     assert off[True].std(axis=(0, 1)).max() < 0.1
 
 
+@pytest.mark.thorough
 def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(
     tmp_path_factory: pytest.TempPathFactory, world_cache: Path, tmp_path: Path
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 from sitl.canopy import LEAVES, Canopy
 from sitl.conifers import Conifers
 from sitl.geometry import CameraState, Lens, rays_of_picture
+from tests.tiers import thorough
 
 LENS = Lens(width=200, height=160)
 RAYS = rays_of_picture(LENS)
@@ -29,7 +30,7 @@ def test_leaves_hide_as_much_of_the_ground_as_was_asked_for(hidden: float) -> No
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("hidden", [0.5, 0.7])
+@pytest.mark.parametrize("hidden", [thorough(0.5), 0.7])
 def test_conifers_hide_as_much_as_was_asked_for_and_have_surfaces(hidden: float) -> None:
     """Leaves beside each other that a camera above sees lie as high, mostly to a metre."""
     trees = Conifers(hidden, lowest=3.0, highest=17.0)
