@@ -139,7 +139,7 @@ ONLY = {
     ("render", "stitch.features"): {"extraction"},
     ("store", "stitch.graph"): {"placement", "observer", "tearing"},
     ("views", "stitch.graph"): {"placement"},
-    ("views", "frames"): {"decode", "decoding", "exif", "integrity", "temperature"},
+    ("views", "frames"): {"decode", "decoding", "exif", "integrity", "numbers", "temperature"},
     ("export", "views"): {"tile_reader", "hole_filling", "flight_view", "coverage", "thermal_scale"},
     ("geotiles", "views"): {"hole_filling"},
     ("export", "frames"): {"decode", "temperature"},

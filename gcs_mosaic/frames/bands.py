@@ -1,5 +1,5 @@
-"""TIFFs that OpenCV cannot read: two bands, more than three, or planar storage; and the reason for those that are not
-supported at all."""
+"""TIFFs that OpenCV cannot read: two bands, more than three, planar storage, or numbers that not all its versions know; and the
+reason for those that are not supported at all."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ logger = logging.getLogger(__name__)
 
 _NONE, _DEFLATE = 1, (8, 32946)
 _COUNTS = frozenset({1, 4})  # sample formats: unsigned integer, and undefined
+_SIGNED, _FLOATS = 2, 3
+_BITS = {1: (8, 16, 32), _SIGNED: (8, 16, 32), _FLOATS: (16, 32, 64)}  # by format
 
 
 def needs_bands(data: bytes) -> bool:
@@ -27,19 +29,23 @@ def needs_bands(data: bytes) -> bool:
         return False
     page = first_page(data)
     bands = page.samples - len(page.transparent)
-    return not page.formats <= _COUNTS or page.bits > 16 or bands not in (1, 3) or (page.planar and page.samples > 1)
+    as_counts = page.formats <= _COUNTS and page.bits <= 16
+    as_floats = page.formats == {_FLOATS} and page.bits in (32, 64)
+    return not (as_counts or as_floats) or bands not in (1, 3) or (page.planar and page.samples > 1)
 
 
 def decode_bands(data: bytes) -> NDArray[Any]:
-    """(height, width, bands) uint8 or uint16 of a TIFF's first page without transparency, three bands as blue, green, red.
+    """(height, width, bands) of a TIFF's first page without transparency, as they are stored; three bands as blue, green, red.
 
-    Raises StructureError, with the reason, for unsupported files: samples other than unsigned 8 or 16 bits, compression
-    other than Deflate, or more data than the page has pixels.
+    Raises StructureError, with the reason, for unsupported files: other samples than integers of 8 to 32 bits or floats,
+    compression other than Deflate, or more data than the page has pixels.
     """
     page = first_page(data)
-    if not page.formats <= _COUNTS or page.bits not in (8, 16):
-        kind = "counts" if page.formats <= _COUNTS else "other numbers than counts without a sign"
-        raise StructureError(f"{kind} of {page.bits} bits are not read: bands have counts of 8 or 16 bits")
+    kind = 1 if page.formats <= _COUNTS else min(page.formats) if len(page.formats) == 1 else 0
+    if page.bits not in _BITS.get(kind, ()):
+        said = {0: "several kinds of numbers", 1: "counts", _SIGNED: "counts with a sign", _FLOATS: "floats"}
+        what = f"{said.get(kind, 'complex numbers')} of {page.bits} bits"
+        raise StructureError(f"{what} are not read: bands have counts of 8 to 32 bits, or floats of 16 to 64")
     _refuse_bombs(data, page)
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as file:
@@ -62,7 +68,8 @@ def _refuse_bombs(data: bytes, page: TiffPage) -> None:
         return
     if page.compression not in _DEFLATE:
         raise StructureError(
-            f"compression {page.compression} is not read for {page.samples} bands: save without, or as Deflate"
+            f"compression {page.compression} is not read for {page.samples} bands of {page.bits} bits: "
+            "save without, or as Deflate"
         )
     for offset, count in page.pieces:
         unpacking = zlib.decompressobj()

@@ -7,15 +7,18 @@ import os
 import stat
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs_mosaic.frames.bands import decode_bands, needs_bands
 from gcs_mosaic.frames.flir import counts_in
 from gcs_mosaic.frames.integrity import MAX_PIXELS, NotWhole, is_whole
 from gcs_mosaic.frames.jpeg import jpeg_picture
 from gcs_mosaic.frames.jpeg_mend import continued, has_its_end, mended, rows_missing
+from gcs_mosaic.frames.numbers import MOST_THERMAL, NumberScale, counts_of, scale_of
 from gcs_mosaic.frames.png import mended_png
 from gcs_mosaic.frames.structure import StructureError, Whole, image_start
 from gcs_mosaic.frames.tiff import as_stored, continued_tiff, first_page, unwritten
@@ -29,7 +32,7 @@ logger = logging.getLogger(__name__)
 _AS_TAKEN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _COLOUR = {1: cv2.IMREAD_COLOR, 2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4}
 _GREY = {1: cv2.IMREAD_GRAYSCALE, 2: cv2.IMREAD_REDUCED_GRAYSCALE_2, 4: cv2.IMREAD_REDUCED_GRAYSCALE_4}
-_JPEG = b"\xff\xd8"
+_JPEG, _TIFF = b"\xff\xd8", (b"II", b"MM")
 ORDINARY_BYTES = 256_000_000  # up to which a file is read to see whether it is what was found
 
 
@@ -65,7 +68,7 @@ def load_image(path: Path, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> 
 
 def decode_image(data: bytes, max_pixels: int = MAX_PIXELS, reduction: int = 1) -> Bands | Unreadable:
     """(height, width, bands) uint8 or uint16 from a JPEG, PNG or TIFF, without transparency: three bands are blue, green
-    and red, others are in file order. Of a radiometric JPEG its counts, see `flir`.
+    and red, others are in file order. Of a radiometric JPEG its counts, see `flir`; of other numbers as `numbers` tells.
 
     A `reduction` of 2 or 4 gives half or a quarter of the size (rounded up); a JPEG is decoded directly at that size.
     """
@@ -93,6 +96,18 @@ def decode_whole(data: bytes, whole: Whole, reduction: int = 1, *, is_proven: bo
     if image.shape != wanted or image.dtype not in (np.uint8, np.uint16):
         return Unreadable(f"decodes to {image.shape} {image.dtype}, not to counts of 8 or 16 bits {wanted}")
     return image
+
+
+def number_scale(data: bytes) -> NumberScale | None:
+    """By which a thermal camera's TIFF became counts; None of what is none, or cannot be decoded."""
+    whole = is_whole(data, MOST_THERMAL)
+    if isinstance(whole, NotWhole) or not data.startswith(_TIFF):
+        return None
+    try:
+        stored = _stored(data, whole, 1)
+        return None if stored is None else scale_of(stored)
+    except (StructureError, cv2.error):
+        return None
 
 
 def counts_instead(data: bytes, picture: Bands | Unreadable, whole: Whole, reduction: int = 1) -> Bands | Unreadable:
@@ -162,14 +177,20 @@ def _tiff_in_doubt(data: bytes, whole: Whole, reduction: int) -> Bands | None:
 
 def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:
     at_once = reduction if data.startswith(_JPEG) else 1
-    image = decode_bands(data) if needs_bands(data) else _by_opencv(data, whole, at_once)
+    stored = _stored(data, whole, at_once)
+    image = None if stored is None else counts_of(stored)
     return image if image is None or at_once == reduction else _reduced(image, reduction)
 
 
-def _by_opencv(data: bytes, whole: Whole, reduction: int) -> Bands | None:
-    """One band or three."""
+def _stored(data: bytes, whole: Whole, reduction: int) -> NDArray[Any] | None:
+    """Numbers (h, w, bands) of any kind. Raises StructureError."""
+    return decode_bands(data) if needs_bands(data) else _by_opencv(data, whole, reduction)
+
+
+def _by_opencv(data: bytes, whole: Whole, reduction: int) -> NDArray[Any] | None:
+    """One band or three, of counts or floats."""
     flags = (_GREY if whole.bands == 1 else _COLOUR)[reduction] | _AS_TAKEN
-    stored = as_stored(data) if data.startswith((b"II", b"MM")) else data  # IMREAD_IGNORE_ORIENTATION is not for TIFFs
+    stored = as_stored(data) if data.startswith(_TIFF) else data  # IMREAD_IGNORE_ORIENTATION is not for TIFFs
     image = cv2.imdecode(np.frombuffer(stored, np.uint8), flags)
     return image if image is None or image.ndim == 3 else image[..., None]
 

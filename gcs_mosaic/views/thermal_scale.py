@@ -11,15 +11,16 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, BinaryIO, Literal, TypeVar
 
 import numpy as np
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.frames.numbers import AS_THEY_ARE, MOST_THERMAL, NumberScale
 from gcs_mosaic.frames.temperature import CountUnit, Unit, likely_unit, units_told
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.light_field import nodes
@@ -29,17 +30,21 @@ from gcs_mosaic.store import inside
 from gcs_mosaic.store.originals import place_of
 
 if TYPE_CHECKING:
+    from gcs_mosaic.store.records import PositionRecord
     from gcs_mosaic.views.flight_view import FlightView
 
 logger = logging.getLogger(__name__)
 
 TICKS = 5
 USUAL = 0.95  # share of what frames show that is painted as the scale says, within what is told
-MOST_PALETTE_PIXELS = 1_400_000  # no uncooled sensor has more; larger pictures are not looked at for a palette
+MOST_PALETTE_PIXELS = MOST_THERMAL  # larger pictures are not looked at for a palette
 KEPT_ISLANDS = 16
 KEPT = 200_000  # of what files say
 
+MOST_BYTES = 16 * MOST_PALETTE_PIXELS  # of a thermal file
+
 Kind = Literal["temperature", "counts", "palette"]
+Told = TypeVar("Told")
 
 
 class _NotNow(Exception):  # noqa: N818 -- an answer that is not remembered
@@ -51,7 +56,7 @@ class ThermalScale:
     """What the greys of an island mean, from the darkest to the brightest."""
 
     kind: Kind
-    unit: Annotated[str, "°C, or counts; empty for a palette"]
+    unit: Annotated[str, "°C, or counts; empty for a palette, and for the numbers of files that have no counts"]
     values: Annotated[Sequence[float], "at even steps of the bar; none of a palette"]
     colours: Annotated[
         Sequence[str],
@@ -72,6 +77,7 @@ class RangeOfCounts:
     shown: Sequence[RenderItem]
     unit: Unit | None
     is_whole: bool = True  # all originals could be asked for their unit
+    numbers: NumberScale = AS_THEY_ARE  # by which the files' numbers became counts
 
     @property
     def usual(self) -> float:
@@ -92,6 +98,7 @@ class ThermalScales:
     def __init__(self, view: FlightView) -> None:
         self._view = view
         self._told = lru_cache(KEPT)(self._in_original)
+        self._scale_in = lru_cache(KEPT_ISLANDS)(self._scale_of_file)
         self._scales: dict[int, tuple[int, ThermalScale | None]] = {}  # the last of each island
         self._palette = lru_cache(64)(self._is_palette)
 
@@ -126,9 +133,18 @@ class ThermalScales:
         for one in originals:
             with suppress(_NotNow):  # of originals that are gone nothing is known
                 said.append(self._told(one.original, one.content_hash))
-        found = RangeOfCounts(usual, shown, None, is_whole=len(said) == len(originals))
-        units = said[0] if len(set(said)) == 1 else ()
-        return replace(found, unit=likely_unit(units, found.usual))
+        numbers = self._numbers_of(originals)
+        found = RangeOfCounts(usual, shown, None, len(said) == len(originals), numbers or AS_THEY_ARE)
+        units = said[0] if len(set(said)) == 1 and numbers is not None else ()
+        return replace(found, unit=likely_unit(tuple(_of_counts(one, found.numbers) for one in units), found.usual))
+
+    def _numbers_of(self, originals: Sequence[PositionRecord]) -> NumberScale | None:
+        """By which the numbers of an island's files became counts, as some of them tell; None if these differ."""
+        found = set[NumberScale]()
+        for at in _tried(len(originals)) if originals else ():
+            with suppress(_NotNow):
+                found.add(self._scale_in(originals[at].original, originals[at].content_hash))
+        return (found or {AS_THEY_ARE}).pop() if len(found) < 2 else None
 
     def _made(self, island: int) -> tuple[ThermalScale | None, bool]:
         """And whether all could be read that it is made of. Raises UsageError."""
@@ -182,12 +198,22 @@ class ThermalScales:
 
     def _in_original(self, original: str | None, _content_hash: str | None) -> tuple[Unit, ...]:
         """What an original says. Raises _NotNow if it is not there."""
+        return self._read(original, units_told)
+
+    def _scale_of_file(self, original: str | None, _content_hash: str | None) -> NumberScale:
+        """Raises _NotNow."""
+        from gcs_mosaic.frames.decode import number_scale  # only once somebody asks
+
+        return self._read(original, lambda file: number_scale(file.read(MOST_BYTES))) or AS_THEY_ARE
+
+    def _read(self, original: str | None, told: Callable[[BinaryIO], Told]) -> Told:
+        """Raises _NotNow."""
         path = place_of(self._view.root, original) if original is not None else None
         if path is None:
             raise _NotNow
         try:
             with inside.reading(path, self._view.root) as file:
-                return units_told(file)
+                return told(file)
         except OSError as error:
             raise _NotNow from error
 
@@ -208,13 +234,22 @@ def scale_of(found: RangeOfCounts) -> ThermalScale:
     colours = [_hex(*colour) for (colour,) in found.display.lightened(greys).tolist()]
     counts = found.counts(levels)
     has_degrees = found.unit is not None and all(math.isfinite(found.unit.celsius(one)) for one in counts.tolist())
-    unit = found.unit if found.unit is not None and has_degrees else CountUnit(1.0, 0.0)
+    stored = CountUnit(found.numbers.step, found.numbers.zero)
+    unit = found.unit if found.unit is not None and has_degrees else stored
     values = [round(unit.celsius(count), 2) for count in counts.tolist()]
     steps = np.array([unit.step(count) for count in counts.tolist()])
     beside = [_beside(counts, one) * steps for one in found.shown]
     within = round(float(np.quantile(beside, USUAL)), 2)
     kind: Kind = "temperature" if has_degrees else "counts"
-    return ThermalScale(kind, "°C" if has_degrees else "counts", values, colours, within)
+    word = "°C" if has_degrees else "counts" if found.numbers == AS_THEY_ARE else ""
+    return ThermalScale(kind, word, values, colours, within)
+
+
+def _of_counts(unit: Unit, numbers: NumberScale) -> Unit:
+    """What a file says of its numbers, of the counts that these became."""
+    if not isinstance(unit, CountUnit):
+        return unit
+    return CountUnit(unit.per_count * numbers.step, unit.celsius(numbers.zero))
 
 
 def _hex(blue: int, green: int, red: int) -> str:

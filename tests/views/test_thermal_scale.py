@@ -41,6 +41,7 @@ CENTIKELVIN = (
     '<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">K</Item>'
     '<Item name="SCALE" sample="0" role="scale">0.01</Item></GDALMetadata>'
 )
+CELSIUS = '<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">degC</Item></GDALMetadata>'
 WHOLE = (CENTIKELVIN,) * 4
 COUNTS = Display(shown=(0, 0, 0), black=(20_000,), white=(21_000,))
 FRAME = RenderItem(
@@ -141,6 +142,24 @@ def test_frames_that_say_different_things_give_no_degrees(copied: Path) -> None:
 def test_an_original_that_is_gone_leaves_the_others_word(copied: Path) -> None:
     sorted((copied / "frames").rglob("*.tif"))[0].unlink()
     assert scale_of(copied).kind == "temperature"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("told", "kind", "unit"), [(CELSIUS, "temperature", "°C"), ("", "counts", "")])
+def test_a_flight_of_degrees_as_floats_says_what_its_files_say(tmp_path: Path, told: str, kind: str, unit: str) -> None:
+    """As counts of the same ground would be shown, to a fiftieth of a degree."""
+    folder = thermal.written(tmp_path / "frames", thermal.flown(4))
+    for path in folder.iterdir():
+        degrees = sure(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)).astype(np.float32) * 0.01 - 273.15
+        tags = [(42112, "s", 0, told, True)] if told else []
+        tifffile.imwrite(path, degrees.astype(np.float32), extratags=tags, metadata=None, software=False)
+    out = stitch([folder], tmp_path / "out", CONFIG, Console(quiet=True))
+    scale = scale_of(out)
+    assert (scale.kind, scale.unit) == (kind, unit)
+    seen = np.concatenate([one.ravel() for one in thermal.flown(4)]) * 0.01 - 273.15
+    assert scale.values[0] < np.quantile(seen, 0.01)
+    assert np.quantile(seen, 0.99) < scale.values[-1]
+    assert scale.values[-1] - scale.values[0] < 4 * np.ptp(np.quantile(seen, (0.01, 0.99)))
 
 
 @pytest.mark.long

@@ -39,7 +39,7 @@ export class Thermal {
     this.box.hidden = !scale;
     if (!scale) return;
     const [title, bar, values, note] = this.box.children;
-    title.textContent = scale.kind === "temperature" ? t("Temperature, {unit}", { unit: scale.unit }) : scale.kind === "counts" ? t("Counts of the camera") : t("Colours of a palette");
+    title.textContent = scale.kind === "temperature" ? t("Temperature, {unit}", { unit: scale.unit }) : scale.kind === "counts" ? (scale.unit ? t("Counts of the camera") : t("Numbers in the files")) : t("Colours of a palette");
     bar.hidden = !scale.colours.length;
     bar.style.background = scale.colours.length ? `linear-gradient(90deg, ${scale.colours.join(", ")})` : "";
     values.replaceChildren(...wordsUnder(scale).map((textContent) => element("span", { textContent })));
@@ -53,10 +53,10 @@ function wordsUnder(scale) {
   return scale.values.filter((_, at) => at % 2 === 0).map((value) => written(scale, value));
 }
 
-/** Degrees with a digit behind the point only where the scale is so short that it says something. */
-function written({ kind, values }, value) {
-  const digits = kind === "temperature" && values[values.length - 1] - values[0] < 20 ? 1 : 0;
-  return value.toFixed(digits);
+/** Digits behind the point only where the scale is so short that they say something. */
+function written({ values }, value) {
+  const span = values[values.length - 1] - values[0];
+  return value.toFixed(span < 2 ? 2 : span < 20 ? 1 : 0);
 }
 
 /** @param {Api.ThermalScale} scale */

@@ -245,6 +245,7 @@ export default {
   "Nothing was ever heard on {address}: see that the autopilot or the ground station sends to this address. Pictures are mapped meanwhile": "Auf {address} war noch nie etwas zu hören: nachsehen, ob Autopilot oder Bodenstation an diese Adresse senden. Bilder werden inzwischen kartiert",
   "Notices": "Meldungen",
   "Number of looks": "Zahl der Blicke",
+  "Numbers in the files": "Zahlen der Dateien",
   "Of aircraft {systems}": "Von Flugzeug {systems}",
   "On ground that was seen: {share} %.": "Auf gesehenem Boden: {share} %.",
   "Of the {n} frames that see this place, the originals of {lost} cannot be read ({first} is the first), and an integral needs two at least: bring them back with gcs-mosaic check --repair --frames DIR.": "Von den {n} Bildern, die diese Stelle sehen, sind die Originale von {lost} nicht lesbar ({first} ist das erste), und ein Integral braucht mindestens zwei: mit gcs-mosaic check --repair --frames ORDNER zurückholen.",
