@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +17,7 @@ from gcs_mosaic.app.live.shutdown import Shutdown
 from gcs_mosaic.app.pipeline.pipeline import Done, Pipeline
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.app.waiting.turns import AHEAD
+from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from sitl.flight import plan
 from sitl.path import Plan
@@ -94,8 +94,14 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Fligh
         patched.setattr(Pipeline, "process", processed)
         patched.setattr(Inbox, "_put", found)
         link = f"udp:127.0.0.1:{free_port()}"
-        places = {"watch": str(flown.watch), "out": str(flown.out)}
-        config = replace(FEW_FEATURES, mavlink=(link,), http=None, finish_s=600.0, **places)
+        config = Config(
+            stitch=FEW_FEATURES.stitch,
+            mavlink=(link,),
+            http=None,
+            finish_s=600.0,
+            watch=str(flown.watch),
+            out=str(flown.out),
+        )
         links = listening.listen(config, flown.ending.stop, stack)
         flown.watch.mkdir()
         camera = threading.Timer(1.0, flown.bring, args=[1])
