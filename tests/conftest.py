@@ -1,13 +1,14 @@
 """What tests of several rooms share."""
 
 import atexit
+import gc
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,7 +33,10 @@ settings.register_profile("first", deadline=None, phases=[Phase.explicit, Phase.
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 
 # Files that take minutes: begun first, so that at the end no core waits for one of them.
-LONGEST = ("test_lower_bounds.py", "test_real_flights.py", "test_adversarial.py", "test_readme.py", "test_soak.py")
+LONGEST = (
+    *("test_lower_bounds.py", "test_readme.py", "test_soak.py", "test_style.py", "test_real_flights.py"),
+    *("test_adversarial.py", "test_wheel.py", "test_ground_page.py", "test_looking_page.py"),
+)
 
 ALL_LONG = re.compile(r"^pytestmark(, \w+)? = (\[\s*)?(pytest\.mark\.long|THOROUGH)\b", re.MULTILINE)
 SOME_LONG = re.compile(r"\b(long|thorough|THOROUGH)\b")
@@ -45,6 +49,18 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     text, asked = collection_path.read_text(encoding="utf-8"), config.option.markexpr
     is_left_out = bool(ALL_LONG.search(text)) if asked == "not long" else not SOME_LONG.search(text)
     return True if is_left_out and asked in ("not long", "long and not thorough", "thorough") else None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """What is collected stays to the end: to look through it for garbage while it grows, and with each look afterwards, takes a
+    third of the time of loading, and seconds at the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -26,7 +26,8 @@ from tests.ports import free_port
 LONGEST_WAIT_S = 120.0  # for anything at all on a busy machine
 POLL_S = 0.05
 PROGRAM = (sys.executable, "-m", "gcs_mosaic")
-QUICK = "frames: {damaged_after_s: 0.7, recheck_longest_s: 0.3}\nfinish_s: 30\n"
+FEW_FEATURES = "stitch: {features: {count: 500}}\n"  # as in tests/settings.py
+QUICK = f"frames: {{damaged_after_s: 0.7, recheck_longest_s: 0.3}}\nfinish_s: 30\n{FEW_FEATURES}"
 
 
 def run(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -9,7 +9,6 @@ from stitch_ground import SMALL_CAMERA, photograph, textured_ground
 
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, prepare
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
@@ -19,6 +18,7 @@ from gcs_mosaic.store.tiles import TileSettings, TileWriter
 from tests import documents
 from tests.documents import document_at
 from tests.frame_files import written
+from tests.settings import FEW_FEATURES
 
 pytestmark = pytest.mark.long
 
@@ -85,7 +85,7 @@ def test_ledger_documents_tiles_and_mosaic_agree_at_every_revision(
     monkeypatch.setattr(placements, "WHOLE_EACH_S", 60.0)  # so that the journal has its part, however slow this is
     out = tmp_path / "out"
     out.mkdir()
-    pipeline = Pipeline(out, Config(), lambda notice: None, StoreHooks(utc=lambda: 0.0), punctual=True)
+    pipeline = Pipeline(out, FEW_FEATURES, lambda notice: None, StoreHooks(utc=lambda: 0.0), punctual=True)
     islands, images, listed_late = set(), {}, 0
     try:
         for frame in flight:

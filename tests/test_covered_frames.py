@@ -11,14 +11,13 @@ from rich.console import Console
 
 import sitl.flight
 from gcs_mosaic.app.commands.batch import stitch
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.export.export import export_placements
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import FrameState
 from sitl.path import Plan
 from tests.documents import document_at
-from tests.settings import load_config
+from tests.settings import FEW_FEATURES, load_config
 from tests.sure import sure
 
 pytestmark = pytest.mark.long
@@ -45,7 +44,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def stitched(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return stitch([frames], tmp_path_factory.mktemp("out") / "flight", Config(), QUIET)
+    return stitch([frames], tmp_path_factory.mktemp("out") / "flight", FEW_FEATURES, QUIET)
 
 
 @pytest.mark.thorough
@@ -83,7 +82,7 @@ def test_an_export_lists_them_too(stitched: Path, tmp_path: Path) -> None:
 def test_the_map_is_that_of_the_flight_without_the_hover(stitched: Path, frames: Path, tmp_path: Path) -> None:
     """Nothing of the map knows of the covered frames, to the bit."""
     once = [frames / f"{number}0.png" for number in range(6)]
-    without = stitch(once, tmp_path / "without", Config(), QUIET)
+    without = stitch(once, tmp_path / "without", FEW_FEATURES, QUIET)
     poses = []
     for flight in (stitched, without):
         with Ledger(flight / LEDGER_NAME, read_only=True) as ledger:

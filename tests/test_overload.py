@@ -25,11 +25,12 @@ from tests.documents import document_at, placements
 from tests.ports import free_port
 from tests.rebuilt import assert_explained
 from tests.running import frames_of, until
+from tests.settings import FEW_FEATURES
 
 pytestmark = pytest.mark.long
 
 
-FRAMES, RATE = 31, 3  # and how many of them come while one is processed
+FRAMES, RATE = 19, 3  # and how many of them come while one is processed
 
 
 class Flight:
@@ -93,7 +94,14 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Fligh
         patched.setattr(Pipeline, "process", processed)
         patched.setattr(Inbox, "_put", found)
         link = f"udp:127.0.0.1:{free_port()}"
-        config = Config(mavlink=(link,), http=None, finish_s=600.0, watch=str(flown.watch), out=str(flown.out))
+        config = Config(
+            stitch=FEW_FEATURES.stitch,
+            mavlink=(link,),
+            http=None,
+            finish_s=600.0,
+            watch=str(flown.watch),
+            out=str(flown.out),
+        )
         links = listening.listen(config, flown.ending.stop, stack)
         flown.watch.mkdir()
         camera = threading.Timer(1.0, flown.bring, args=[1])

@@ -19,17 +19,19 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     fresh.need_packages(folder)
     clone = fresh.clone(folder / "clone")
-    fresh.run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(folder), str(clone))
+    words = ["--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(clone)]
+    fresh.run(sys.executable, "-m", "pip", "wheel", *words)
     (built,) = folder.glob("*.whl")
     return built
 
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of its programs, in an environment of its own."""
+    """The folder of its programs, in an environment of its own, in which what nobody imports is not compiled."""
     folder = tmp_path_factory.mktemp("installed") / "venv"
-    fresh.run(sys.executable, "-m", "venv", str(folder))
-    fresh.run(str(folder / "bin" / "pip"), "install", "--quiet", str(wheel))
+    fresh.run(sys.executable, "-m", "venv", "--without-pip", str(folder))
+    where = ["--python", str(folder / "bin" / "python")]
+    fresh.run(sys.executable, "-m", "pip", *where, "install", "--quiet", "--no-compile", str(wheel))
     return folder / "bin"
 
 

@@ -75,6 +75,7 @@ def test_all_bands_are_exported(flown: Running) -> None:
     assert tifffile.imread(flown.home / "bands.tif").shape[2] == len(BANDS) + 1  # and the coverage
 
 
+@pytest.mark.thorough
 def test_stitching_the_folder_keeps_the_same_frames(flown: Running) -> None:
     done = run("stitch", flown.watch, "--out", "map", cwd=flown.home)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -85,6 +86,7 @@ def test_stitching_the_folder_keeps_the_same_frames(flown: Running) -> None:
     assert "5 bands of each shot are one frame" in " ".join((done.stdout + done.stderr).split())
 
 
+@pytest.mark.thorough
 def test_a_flight_that_is_gone_on_with_takes_no_shot_again(flown: Running) -> None:
     before = frames_of(flown.out)
     with flying(flown.home, "--resume", "--from", "start", out=flown.out) as flight:

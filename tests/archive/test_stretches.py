@@ -170,6 +170,7 @@ def test_what_a_stretch_leaves_in_the_store_is_found_there_when_it_is_joined(
     assert np.array_equal(one.problem.pixels_b, other.problem.pixels_b)
 
 
+@pytest.mark.long
 def test_the_relief_of_a_chunk_is_what_all_matches_of_its_frames_say(
     artefacts: Artefacts, unfolded: list[Mosaic]
 ) -> None:

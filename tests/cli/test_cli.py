@@ -24,6 +24,7 @@ from gcs_mosaic.config.tree import Config
 from sitl.path import Plan
 from tests.ports import free_port
 from tests.running import PROGRAM, run, until
+from tests.settings import FEW_FEATURES
 from tests.sure import sure
 
 Refused = Callable[..., str]
@@ -65,7 +66,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Path:
     frames = tmp_path_factory.mktemp("given")
     route = Plan(frames=3, height=60)
     sitl.flight.make("survey", frames, (640, 480), cache=world_cache, seed=3, world_size=2048, route=route)
-    return stitch([frames], tmp_path_factory.mktemp("flown") / "mosaic", Config(), Console(quiet=True))
+    return stitch([frames], tmp_path_factory.mktemp("flown") / "mosaic", FEW_FEATURES, Console(quiet=True))
 
 
 @pytest.fixture

@@ -53,6 +53,7 @@ def test_a_flight_leaves_all_its_pictures(flown: Path) -> None:
     assert all(picture is not None and picture.std() > 5 for picture in pictures)
 
 
+@pytest.mark.long
 def test_the_journal_tells_what_was_decided(flown: Path) -> None:
     lines = (flown / "journal.txt").read_text().splitlines()
     assert lines[0] == "DCIM/100MEDIA/IMG_0001.JPG placed on island 0, linked with 0"

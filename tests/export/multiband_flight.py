@@ -14,12 +14,12 @@ from rich.console import Console
 import sitl.flight
 from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.cli.main import main
-from gcs_mosaic.config.tree import Config
 from sitl.camera import SHARPNESS, Camera
 from sitl.flight import Flight
 from sitl.path import Plan
 from sitl.score import islands_of, lay
 from sitl.sensor import Sensor
+from tests.settings import FEW_FEATURES
 
 QUIET = Console(quiet=True)
 WINDOW = 384  # px of the map that are compared with the ground
@@ -39,7 +39,7 @@ def flown(
     camera = Camera(vignetting=0.0, noise=0.5, exposure_step=exposure_step, step_every=2, sensor=Sensor(**sensor))
     route = Plan(frames=8)
     flight = sitl.flight.make("survey", folder / "frames", (480, 360), cache=world_cache, route=route, camera=camera)
-    out = stitch([folder / "frames" / "DCIM"], folder / "out", Config(), QUIET)
+    out = stitch([folder / "frames" / "DCIM"], folder / "out", FEW_FEATURES, QUIET)
     assert main(["export", str(out), "--format", "placements", "--to", str(folder / "placements.json")]) == 0
     return Flown(flight, out, json.loads((folder / "placements.json").read_text()))
 

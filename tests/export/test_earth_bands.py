@@ -14,6 +14,7 @@ from gcs_mosaic.cli.main import main
 from gcs_mosaic.geo.ellipsoid import LocalPlane
 from tests.export.multiband_flight import WINDOW, Flown, flown, ground_counts, ground_from_canvas, middle
 from tests.notes.written_pins import write_pins
+from tests.tiers import thorough
 
 PLANE = LocalPlane(7.0, 44.5)
 PINNED = ((-200.0, -150.0), (250.0, -150.0), (-200.0, 300.0), (250.0, 300.0))
@@ -32,7 +33,7 @@ def five(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("format_name", "crs"), [("geotiff", "utm"), ("cog", "EPSG:3857")])
+@pytest.mark.parametrize(("format_name", "crs"), [("geotiff", "utm"), thorough("cog", "EPSG:3857")])
 def test_every_band_lies_where_the_ground_is(five: Flown, tmp_path: Path, format_name: str, crs: str) -> None:
     target = tmp_path / "bands.tif"
     options = ("--format", format_name, "--bands", "--no-gains", "--crs", crs, "--to", str(target))

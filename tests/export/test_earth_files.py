@@ -156,6 +156,7 @@ def test_pmtiles(flight: AnchoredFlight, export: Export) -> None:
                     assert off.sum() < 3 * max(off.size, 1000), "a few pixels at a border may be off by what WebP loses"
 
 
+@pytest.mark.thorough
 @pytest.mark.long
 def test_pmtiles_by_gdal(flight: AnchoredFlight, export: Export) -> None:
     """GDAL reads PMTiles of vector tiles alone; the same tiles in MBTiles stand for the place of each pixel."""
@@ -312,13 +313,15 @@ def test_a_target_that_is_there(refused: Callable[..., str], tmp_path: Path) -> 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("format_name", ["geotiff", "cog", "mbtiles", "pmtiles", "xyz", "kmz", "geojson"])
+@pytest.mark.parametrize(
+    "format_name", ["geotiff", "kmz", "geojson", *map(thorough, ("cog", "mbtiles", "pmtiles", "xyz"))]
+)
 def test_without_an_anchor(
-    refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory, format_name: str
+    flight: AnchoredFlight, refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory, format_name: str
 ) -> None:
     root = tmp_path_factory.mktemp("loose") / "small"
     root.mkdir()
-    AnchoredFlight(root)
+    AnchoredFlight(root, drawn=flight.root)
     said = refused("--format", format_name, root=root)
     assert "has no anchor, and so no longitude: set two pins or more on its page" in said
     assert said.count("\n") == 1

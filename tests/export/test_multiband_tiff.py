@@ -21,6 +21,8 @@ from tests.export.multiband_flight import WINDOW, Flown, finest_gsd, flown, grou
 from tests.sure import sure
 from tests.tiers import thorough
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def five(tmp_path_factory: pytest.TempPathFactory, world_cache: Path) -> Flown:
@@ -53,7 +55,6 @@ def truth(one: Flown, about: dict[str, Any], columns: slice, rows: slice) -> np.
     return ground_counts(one, canvas @ ground_from_canvas(one)[:2].T, finest_gsd(one) * canvas_from_edges[0, 0])
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", thorough("thermal")])
 def test_every_frame_finds_its_place(kind: str, request: pytest.FixtureRequest) -> None:
     one = request.getfixturevalue(kind)
@@ -62,7 +63,6 @@ def test_every_frame_finds_its_place(kind: str, request: pytest.FixtureRequest) 
     assert judged.ortho_rmse < 0.4
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("kind", ["five", thorough("thermal")])
 def test_every_band_shows_the_ground_at_its_depth(kind: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Above 255, in the same place in all bands, and off by what interpolation and noise do."""
@@ -89,7 +89,6 @@ def test_every_band_shows_the_ground_at_its_depth(kind: str, request: pytest.Fix
         assert np.corrcoef(ours[..., k].ravel(), wanted[..., k].ravel())[0, 1] > 0.97
 
 
-@pytest.mark.long
 def test_where_nothing_was_seen_the_map_is_transparent(five: Flown, tmp_path: Path) -> None:
     image, _, _ = exported(five, tmp_path)
     assert image[..., -1].max() == 65_535
@@ -97,7 +96,6 @@ def test_where_nothing_was_seen_the_map_is_transparent(five: Flown, tmp_path: Pa
     assert (image[image[..., -1] == 0] == 0).all()
 
 
-@pytest.mark.long
 def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five: Flown, tmp_path: Path) -> None:
     exported(five, tmp_path)
     with tifffile.TiffFile(tmp_path / "map.tif") as file:
@@ -109,7 +107,6 @@ def test_the_file_is_tiled_and_compressed_and_names_its_transparency(five: Flown
         assert sum(page.databytecounts) < 0.9 * page.nbytes
 
 
-@pytest.mark.long
 def test_gains_take_out_what_automatic_exposure_did(
     tmp_path_factory: pytest.TempPathFactory, world_cache: Path, tmp_path: Path
 ) -> None:
@@ -127,7 +124,7 @@ def test_gains_take_out_what_automatic_exposure_did(
     assert off[True].std(axis=(0, 1)).max() < 0.1
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_a_flight_in_eight_bit_colour_is_exported_as_it_is_shown(
     tmp_path_factory: pytest.TempPathFactory, world_cache: Path, tmp_path: Path
 ) -> None:
@@ -157,7 +154,6 @@ def test_an_island_that_is_not_there_is_told(five: Flown, tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.long
 def test_originals_that_are_gone_are_told(five: Flown, tmp_path: Path) -> None:
     with Ledger(five.out / LEDGER_NAME, read_only=True) as ledger:
         last = five.out / sure(ledger.frames()[-1].original)

@@ -13,7 +13,6 @@ from rich.console import Console
 
 from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.cli.main import main
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.stitch.camera.geometry import similarity_between
 from gcs_mosaic.views.coverage import Coverage, Gap, IslandCoverage
 from gcs_mosaic.views.flight_view import FlightView, FrameTable
@@ -24,6 +23,7 @@ from sitl.path import Plan
 from sitl.score import islands_of, lay
 from tests.documents import document_at
 from tests.notes.written_pins import write_pins
+from tests.settings import FEW_FEATURES
 from tests.sure import sure
 
 SIZE, HEIGHT, WORLD = (320, 240), 60.0, 4096
@@ -88,7 +88,7 @@ def test_a_mission_that_is_flown_closes_the_gap(tmp_path: Path, world_cache: Pat
     kept = [k for k, one in enumerate(whole.states) if abs(one.x) > 0.7 * HEIGHT or abs(one.y) > 0.6 * HEIGHT]
     first = replace(whole, states=tuple(whole.states[k] for k in kept), names=tuple(whole.names[k] for k in kept))
     write_pictures(first, tmp_path / "frames", "A")
-    out = stitch([tmp_path / "frames"], tmp_path / "out", Config(), QUIET)
+    out = stitch([tmp_path / "frames"], tmp_path / "out", FEW_FEATURES, QUIET)
     before, _, (hole, *_) = coverage_of(out)
     assert unseen_within(out, before, hole) == 1.0
     pin_down(out, first, tmp_path)
@@ -98,6 +98,6 @@ def test_a_mission_that_is_flown_closes_the_gap(tmp_path: Path, world_cache: Pat
     again = plan("mission", SIZE, route=Plan(waypoints=file, height=HEIGHT), **looks)  # type: ignore[arg-type]
     assert len(again.states) < len(whole.states) / 2
     write_pictures(again, tmp_path / "frames", "B")
-    both = stitch([tmp_path / "frames"], tmp_path / "both", Config(), QUIET)
+    both = stitch([tmp_path / "frames"], tmp_path / "both", FEW_FEATURES, QUIET)
     assert document_at(both / "mosaic.json")["frames"]["placed"] >= len(first.states)
     assert unseen_within(both, before, hole) == 0.0

@@ -26,7 +26,8 @@ def test_a_gap_along_the_rows_is_never_closed_one_block_off(blocks: str) -> None
     assert assert_nothing_is_mixed_up(stitched(taken), taken).placed == 6
 
 
-@pytest.mark.parametrize("blocks", ["quarter", pytest.param("barracks", marks=[TWINS, pytest.mark.thorough])])
+@pytest.mark.thorough
+@pytest.mark.parametrize("blocks", ["quarter", pytest.param("barracks", marks=TWINS)])
 def test_quarters_of_one_make_stay_apart(blocks: str) -> None:
     taken = in_turn(*(shots(blocks, seed, frames=5, height=80, relief=1) for seed in (1, 2)))
     assert assert_nothing_is_mixed_up(stitched(taken), taken).placed == 10

@@ -14,6 +14,8 @@ from gcs_mosaic.stitch.mosaic import Mosaic
 from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.store.checkpoint import decoded, encoded
 
+pytestmark = pytest.mark.long
+
 AS_THEY_ARE = Renamed(name_of=lambda name: name, aircraft_of=lambda aircraft: aircraft)
 FRAMES = 6  # of either part
 LEVEL = [(400 + 130 * i, 500) for i in range(FRAMES)] + [(400 + 130 * i, 700) for i in range(FRAMES)][::-1]
@@ -46,7 +48,6 @@ def united(parts: list[bytes]) -> Mosaic:
     return mosaic
 
 
-@pytest.mark.long
 def test_what_is_known_to_look_alike_joins_them(united: Mosaic) -> None:
     assert united.connect(PAIRS)
     linked, _ = united.link(PAIRS)
@@ -68,7 +69,6 @@ def test_what_does_not_look_alike_joins_nothing(united: Mosaic) -> None:
     assert not united.connect([("000", f"{FRAMES:03}")])  # the ends, far from each other
 
 
-@pytest.mark.long
 def test_a_registration_that_says_something_else_is_no_link(united: Mosaic, monkeypatch: pytest.MonkeyPatch) -> None:
     united.connect(PAIRS)
     register = Search.register

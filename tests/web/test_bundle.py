@@ -11,6 +11,7 @@ from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.app import VIEWER
 from gcs_mosaic.web.bundle import bundle
 from gcs_mosaic.web.server import WebServer
+from tests.tiers import thorough
 from tests.web.browser import CHROMIUM, open_browser
 from tests.web.seen_flight import seen_flight
 
@@ -44,7 +45,7 @@ def test_scripts_that_import_each_other_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
-@pytest.mark.parametrize(("lost", "language"), [("page.js", "en"), ("leaflet.js", "en"), ("page.js", "de")])
+@pytest.mark.parametrize(("lost", "language"), [("page.js", "en"), ("leaflet.js", "en"), thorough("page.js", "de")])
 def test_a_script_that_is_lost_on_the_way_leaves_a_sentence_and_a_way_on(
     tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, lost: str, language: str
 ) -> None:

@@ -91,6 +91,7 @@ def test_the_result_is_the_same_every_time(flown: Running, again: Path, tmp_path
     assert accounts(third) == accounts(again)
 
 
+@pytest.mark.thorough
 def test_copies_that_lost_their_times_come_out_the_same(flown: Running, tmp_path: Path) -> None:
     for path in shutil.copytree(flown.watch, tmp_path / "copies").rglob("*.*"):
         os.utime(path, (LONG_AGO, LONG_AGO))

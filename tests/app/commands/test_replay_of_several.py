@@ -14,6 +14,7 @@ from gcs_mosaic.store.ledger import Ledger
 from tests import documents
 from tests.mavlink.mavlink_peer import captured, heartbeat, packet
 from tests.running import frames_of
+from tests.tiers import thorough
 
 BEGAN = 1.75e9
 LONG_AGO = 1.6e9  # seconds since 1970: copies have lost their times
@@ -56,7 +57,7 @@ def matched(out: Path) -> list[tuple[int, str | None]]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("named", [True, False], ids=["by names", "by counters"])
+@pytest.mark.parametrize("named", [thorough(True, id="by names"), pytest.param(False, id="by counters")])
 def test_each_aircraft_s_triggers_are_paired_with_its_own_frames(
     flown: Path, capsys: pytest.CaptureFixture[str], named: bool
 ) -> None:

@@ -21,7 +21,6 @@ from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.pipeline.resuming import checkpoints_of, saved_flight
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame
 from gcs_mosaic.app.waiting.unread import AGAIN_S, MOST_TRIES, UnreadFrames
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.messages import Notice
 from gcs_mosaic.render.compositor import TileCompositor
 from gcs_mosaic.stitch.camera.geometry import Pose
@@ -34,9 +33,10 @@ from tests.documents import placements
 from tests.factories import frame
 from tests.frame_files import decoded
 from tests.rebuilt import assert_explained
+from tests.settings import FEW_FEATURES
 from tests.sure import sure
 
-CONFIG = Config()
+CONFIG = FEW_FEATURES
 
 
 @pytest.fixture(scope="module")

@@ -11,15 +11,15 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.waiting.prefetch import prepare
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.files import frames_in
 from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.stitch.camera.geometry import Pose
+from tests.settings import FEW_FEATURES
 from tests.sure import sure
 
 pytestmark = pytest.mark.long
 
-CONFIG = Config()
+CONFIG = FEW_FEATURES
 
 
 @pytest.fixture

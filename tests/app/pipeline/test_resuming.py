@@ -42,10 +42,11 @@ from tests import factories
 from tests.documents import document_at
 from tests.rebuilt import assert_explained
 from tests.running import Running, events_of, flying, frames_of, six_pictures
+from tests.settings import FEW_FEATURES
 from tests.sure import sure
 from tests.tiers import thorough
 
-CONFIG = Config()
+CONFIG = FEW_FEATURES
 MORE_CUTS = [(1, 0), (6, 0), (8, 5), (11, 0)]
 CUTS = [(3, 2), *starmap(thorough, MORE_CUTS)]
 

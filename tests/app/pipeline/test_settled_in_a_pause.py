@@ -11,10 +11,10 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.waiting.prefetch import prepare
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.frames.files import frames_in
 from gcs_mosaic.messages import Frame, Notice
 from gcs_mosaic.stitch.camera.geometry import Pose
+from tests.settings import FEW_FEATURES
 from tests.sure import sure
 
 pytestmark = pytest.mark.long
@@ -49,7 +49,7 @@ def test_the_end_changes_no_tile_of_a_map_that_was_settled_in_a_pause(
 ) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    with closing(Pipeline(out, Config(), lambda notice: None, paint_first=True)) as pipeline:
+    with closing(Pipeline(out, FEW_FEATURES, lambda notice: None, paint_first=True)) as pipeline:
         driver = Driver(pipeline)
         for frame in frames:
             driver.process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
@@ -71,7 +71,7 @@ def test_the_end_changes_no_tile_of_a_map_that_was_settled_in_a_pause(
 def test_frames_that_come_after_it_are_painted_on_it(tmp_path: Path, frames: list[Frame]) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    with closing(Pipeline(out, Config(), lambda notice: None, paint_first=True)) as pipeline:
+    with closing(Pipeline(out, FEW_FEATURES, lambda notice: None, paint_first=True)) as pipeline:
         driver = Driver(pipeline)
         for number, frame in enumerate(frames):
             done = driver.process(prepare(sure(pipeline.accept(frame)), pipeline.features_of))
@@ -92,7 +92,7 @@ def test_what_fails_in_it_ends_no_flight(tmp_path: Path, frames: list[Frame], mo
     said = list[Notice]()
     out = tmp_path / "out"
     out.mkdir()
-    with closing(Pipeline(out, Config(), said.append, paint_first=True)) as pipeline:
+    with closing(Pipeline(out, FEW_FEATURES, said.append, paint_first=True)) as pipeline:
         Driver(pipeline).process(prepare(sure(pipeline.accept(frames[0])), pipeline.features_of))
 
         def fail() -> None:

@@ -25,7 +25,6 @@ from gcs_mosaic.app.status.flight_log import flight_log
 from gcs_mosaic.app.status.reporter import Reporter
 from gcs_mosaic.app.status.run_progress import RunProgress
 from gcs_mosaic.cli import main as cli
-from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import FlightFailed, UsageError
 from gcs_mosaic.messages import LinkReport, Notice
 from gcs_mosaic.render.repaint_queue import RepaintQueue
@@ -38,6 +37,7 @@ from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import LogSettings, log_notice
 from gcs_mosaic.store.records import FlightRecord
 from tests.running import six_pictures
+from tests.settings import FEW_FEATURES
 
 QUIET = Console(quiet=True)
 
@@ -99,13 +99,16 @@ def test_a_frame_that_breaks_the_program_is_a_sentence_on_the_terminal_and_a_tra
 
 @pytest.mark.long
 def test_every_refusal_is_in_the_log_with_its_numbers(frames: Path, tmp_path: Path) -> None:
-    registration = Config().stitch.registration
-    strict = replace(Config().stitch, registration=replace(registration, least_evidence=1e6))
-    out = stitch([frames], tmp_path / "out", replace(Config(), stitch=strict), QUIET)
+    registration = FEW_FEATURES.stitch.registration
+    strict = replace(FEW_FEATURES.stitch, registration=replace(registration, least_evidence=1e6))
+    out = stitch([frames], tmp_path / "out", replace(FEW_FEATURES, stitch=strict), QUIET)
     log = log_of(out)
     assert re.search(r"1\.jpg and 0\.jpg are not connected: evidence \d+\.\d, 1000000\.0 needed; \d+ inliers\n", log)
     assert "gcs_mosaic.store.flight_store: 5.jpg: rejected, matches no other frame" in log
-    assert "settings that are not the defaults: stitch.registration.least_evidence=1000000.0" in log
+    assert (
+        "settings that are not the defaults: stitch.features.count=500, stitch.registration.least_evidence=1000000.0"
+        in log
+    )
     records = re.findall(r"^\d{4}-\d\d-\d\dT\S+Z INFO MainThread gcs_mosaic\.", log, flags=re.MULTILINE)
     assert len(records) == len(log.splitlines())
     assert len(records) >= 30  # of six frames: each pair that was refused, what became of each, the summary
@@ -114,7 +117,7 @@ def test_every_refusal_is_in_the_log_with_its_numbers(frames: Path, tmp_path: Pa
 
 @pytest.mark.long
 def test_believed_pairs_are_in_the_log_of_those_who_ask_for_them(frames: Path, tmp_path: Path) -> None:
-    out = stitch([frames], tmp_path / "out", replace(Config(), log=LogSettings(level="debug")), QUIET)
+    out = stitch([frames], tmp_path / "out", replace(FEW_FEATURES, log=LogSettings(level="debug")), QUIET)
     assert re.search(
         r"DEBUG \S+ gcs_mosaic\.stitch\.mapping\.journal: 1\.jpg and 0\.jpg agree: \d+ independent inliers", log_of(out)
     )
@@ -158,7 +161,7 @@ def test_how_good_the_map_of_a_live_flight_is_is_in_the_log(
     said = io.StringIO()
     with (
         Ledger(tmp_path / LEDGER_NAME) as ledger,
-        flight_log(folder, replace(Config(), log=LogSettings(verbose=True))),
+        flight_log(folder, replace(FEW_FEATURES, log=LogSettings(verbose=True))),
     ):
         reporter = Reporter(
             tmp_path, FlightRecord(name="flight", started_utc=0.0), ledger, Console(file=said, width=200)
@@ -206,7 +209,7 @@ def test_what_goes_wrong_before_the_flight_begins_is_said_and_written_down(
         return listing(path)
 
     monkeypatch.setattr(os, "scandir", refusing)
-    log = log_of(stitch([folder], tmp_path / "out", replace(Config(), scale=0.25), Console(file=said, width=300)))
+    log = log_of(stitch([folder], tmp_path / "out", replace(FEW_FEATURES, scale=0.25), Console(file=said, width=300)))
     assert "closed cannot be looked at (Permission denied): it is passed over" in said.getvalue()
     assert "WARNING MainThread gcs_mosaic.app.commands.batch: frames: " in log
     assert (
@@ -233,7 +236,7 @@ def test_a_full_disk_under_the_log_does_not_end_the_flight(tiny_disk: Path, capf
     with (tiny_disk / "filler").open("wb", buffering=0) as file, suppress(OSError):
         while True:
             file.write(bytes(4096))
-    with flight_log(folder, Config()):
+    with flight_log(folder, FEW_FEATURES):
         for number in range(10):
             logging.getLogger("gcs_mosaic.test").error("%d %s", number, "x" * 500)
     folder.close()
@@ -248,7 +251,7 @@ def test_a_thread_that_dies_is_one_sentence_and_a_traceback(
     folder: FlightFolder, capfd: pytest.CaptureFixture[str]
 ) -> None:
     hooks = threading.excepthook, sys.unraisablehook
-    with flight_log(folder, Config()):
+    with flight_log(folder, FEW_FEATURES):
         thread = threading.Thread(target=surprise, name="web")
         thread.start()
         thread.join()
@@ -264,7 +267,7 @@ def test_what_is_thrown_away_is_logged(folder: FlightFolder, capfd: pytest.Captu
     class Fragile:
         __del__ = surprise
 
-    with flight_log(folder, Config()):
+    with flight_log(folder, FEW_FEATURES):
         Fragile()
         gc.collect()
     assert capfd.readouterr().err == ""
@@ -274,7 +277,7 @@ def test_what_is_thrown_away_is_logged(folder: FlightFolder, capfd: pytest.Captu
 def test_warnings_and_other_libraries_are_logged(folder: FlightFolder, capfd: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("always")
-        with flight_log(folder, Config()):
+        with flight_log(folder, FEW_FEATURES):
             warnings.warn("a mean of nothing", stacklevel=1)
             logging.getLogger("aiohttp.server").error("a request has failed")
             logging.getLogger("asyncio").info("small talk")
@@ -292,7 +295,7 @@ def test_a_source_that_fails_leaves_its_traceback(folder: FlightFolder) -> None:
         surprise()
 
     inbox = Inbox(threading.Event())
-    with flight_log(folder, Config()):
+    with flight_log(folder, FEW_FEATURES):
         inbox.fill([ItemSource(items(), LinkReport(address="udp:14550", state="failed"))])
         inbox.join()
     assert "ERROR udp:14550 gcs_mosaic.app.inputs.inbox: a source has failed\n  | Traceback" in log_of(folder.path)
@@ -303,7 +306,7 @@ def test_a_source_that_fails_leaves_its_traceback(folder: FlightFolder) -> None:
 
 def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path: Path) -> None:
     folder = open_flight_folder(tmp_path / "out")
-    with pytest.raises(UsageError), flight_log(folder, Config()):
+    with pytest.raises(UsageError), flight_log(folder, FEW_FEATURES):
         raise UsageError("the port is taken")
     folder.close()
     assert list(tmp_path.iterdir()) == []
@@ -311,7 +314,7 @@ def test_of_a_flight_that_never_began_no_log_stays_behind(tmp_path: Path) -> Non
 
 def test_a_fault_before_the_flight_began_is_kept(tmp_path: Path) -> None:
     folder = open_flight_folder(tmp_path / "out")
-    with pytest.raises(FlightFailed), flight_log(folder, Config()):
+    with pytest.raises(FlightFailed), flight_log(folder, FEW_FEATURES):
         surprise()
     folder.close()
     assert "RuntimeError: surprise" in log_of(tmp_path / "out")
@@ -319,7 +322,7 @@ def test_a_fault_before_the_flight_began_is_kept(tmp_path: Path) -> None:
 
 
 def test_an_interruption_goes_on_and_is_written_down(folder: FlightFolder) -> None:
-    with pytest.raises(KeyboardInterrupt), flight_log(folder, Config()):
+    with pytest.raises(KeyboardInterrupt), flight_log(folder, FEW_FEATURES):
         raise KeyboardInterrupt
     assert "the flight is interrupted (KeyboardInterrupt())" in log_of(folder.path)
 
@@ -327,13 +330,13 @@ def test_an_interruption_goes_on_and_is_written_down(folder: FlightFolder) -> No
 def test_afterwards_everything_is_as_it_was(folder: FlightFolder) -> None:
     root, ours = logging.getLogger(), logging.getLogger("gcs_mosaic")
     before = list(root.handlers), ours.level, logging.raiseExceptions
-    with flight_log(folder, replace(Config(), log=LogSettings(level="debug", verbose=True))):
+    with flight_log(folder, replace(FEW_FEATURES, log=LogSettings(level="debug", verbose=True))):
         assert len(root.handlers) == len(before[0]) + 2
     assert (root.handlers, ours.level, logging.raiseExceptions) == before
 
 
 def test_the_password_in_the_settings_is_not_written(folder: FlightFolder) -> None:
-    with flight_log(folder, replace(Config(), rtsp="rtsp://user:secret@camera/main")):
+    with flight_log(folder, replace(FEW_FEATURES, rtsp="rtsp://user:secret@camera/main")):
         logging.getLogger("gcs_mosaic.x").error("rtsp://user:secret@camera/main is gone")
     assert "secret" not in log_of(folder.path)
     assert "rtsp='…'" in log_of(folder.path)
@@ -350,7 +353,7 @@ def test_the_log_of_another_flight_is_left_alone(tmp_path: Path) -> None:
 def test_a_stream_that_a_program_reads_gets_json_and_nothing_else(
     folder: FlightFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    config = replace(Config(), log=LogSettings(format="json"))
+    config = replace(FEW_FEATURES, log=LogSettings(format="json"))
     with flight_log(folder, config):
         log_notice(logging.getLogger("gcs_mosaic.test"), Notice(source="disk", level="warning", text="full"))
         died = threading.Thread(target=lambda: 1 / 0, name="dying")
@@ -368,7 +371,7 @@ def test_a_log_that_cannot_be_written_is_said_in_json_too(
     folder: FlightFolder, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder.path / "flight.log").mkdir()
-    with flight_log(folder, replace(Config(), log=LogSettings(format="json"))):
+    with flight_log(folder, replace(FEW_FEATURES, log=LogSettings(format="json"))):
         logging.getLogger("gcs_mosaic.test").info("something")
     messages = [json.loads(line)["message"] for line in capsys.readouterr().err.splitlines()]
     assert sum("flight.log cannot be written (Is a directory)" in message for message in messages) == 1

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, Image, photograph
+from stitch_ground import SMALL_CAMERA, Image, seen
 
 from gcs_mosaic.stitch.camera.geometry import Pose, canvas_from_pixels, frame_border, similarity_between
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -18,7 +18,7 @@ def flown(
     ground: Image, poses: Iterable[Pose], mosaic: Mosaic, first: int = 0, adjusted: bool = True
 ) -> dict[str, Placement]:
     for i, pose in enumerate(poses, start=first):
-        mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{i:03}")
+        mosaic.place(seen(ground, pose, mosaic.settings.features), f"{i:03}")
         if adjusted:
             mosaic.adjust()
     return {placement.name: placement for placement in mosaic.placements()}

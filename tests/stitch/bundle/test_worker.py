@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, Image, photograph
+from stitch_ground import Image, seen
 
 from gcs_mosaic.processes.child import ChildProcess
 from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, island_task
@@ -28,7 +28,7 @@ from tests.tiers import thorough
 def task(ground: Image) -> IslandTask:
     mosaic = Mosaic()
     for i in range(6):
-        mosaic.add(photograph(ground, Pose(400 + 130 * i, 500, 0.01 * i, 0.05, 0.03), SMALL_CAMERA), str(i))
+        mosaic.place(seen(ground, Pose(400 + 130 * i, 500, 0.01 * i, 0.05, 0.03), mosaic.settings.features), str(i))
     task = island_task(mosaic._graph, 0, AdjustmentSettings())
     assert task is not None
     return task
@@ -125,7 +125,7 @@ def test_a_killed_process_costs_a_map_one_adjustment_and_not_those_after_it(grou
     with closing(WorkerProcess()) as worker:
         mosaic, problems = Mosaic(settings, worker, punctual=True), list[str | None]()
         for i in range(9):
-            mosaic.add(photograph(ground, Pose(400 + 90 * i, 500, 0.01 * i, 0.05, 0.03), SMALL_CAMERA), str(i))
+            mosaic.place(seen(ground, Pose(400 + 90 * i, 500, 0.01 * i, 0.05, 0.03), mosaic.settings.features), str(i))
             mosaic.adjust()
             problems.append(mosaic.problem)
             if i == 3:

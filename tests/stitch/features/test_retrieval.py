@@ -12,7 +12,9 @@ from tests.tiers import thorough
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("learn_at", [(), thorough((8,)), (4, 12)], ids=["no words", "words", "words learnt anew"])
+@pytest.mark.parametrize(
+    "learn_at", [thorough(()), thorough((8,)), (4, 12)], ids=["no words", "words", "words learnt anew"]
+)
 def test_the_frame_of_the_same_ground_is_found_among_many(
     ground: Image, monkeypatch: pytest.MonkeyPatch, learn_at: tuple[int, ...]
 ) -> None:

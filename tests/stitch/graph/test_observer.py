@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from stitch_ground import SMALL_CAMERA, Image, photograph
+from stitch_ground import Image, seen
 
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.observer import Observers, Residuals, island_residuals
@@ -42,7 +42,7 @@ TRUTH = [Pose(400 + 130 * i, 500) for i in range(3)]
 
 def fly(mosaic: Mosaic, *grounds: Image) -> Mosaic:
     for i, (ground, pose) in enumerate(zip(grounds, TRUTH, strict=True)):
-        mosaic.add(photograph(ground, pose, SMALL_CAMERA), str(i))
+        mosaic.place(seen(ground, pose, mosaic.settings.features), str(i))
     mosaic.adjust(everything=True)
     return mosaic
 
@@ -136,7 +136,7 @@ def test_one_that_raises_looks_on_no_more_and_changes_nothing(ground: Image, cap
     broken, notes = Broken(), Notes()
     mosaic = Mosaic(observer=Observers(broken, notes))
     for i in range(3):
-        outcome = mosaic.add(photograph(ground, Pose(400 + 130 * i, 500), SMALL_CAMERA), str(i))
+        outcome = mosaic.place(seen(ground, Pose(400 + 130 * i, 500), mosaic.settings.features), str(i))
         assert isinstance(outcome, Placement)
     assert len(notes.placements) == 3
     assert len(broken.placements) == 1

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from stitch_ground import SMALL_CAMERA, Image, photograph
+from stitch_ground import SMALL_CAMERA, Image, seen
 
 from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle.island import adjust_island
@@ -152,7 +152,7 @@ def test_the_figure_of_a_flight_is_what_its_map_really_tears_apart(ground: Image
     truth = [Pose(x, y) for y in (500, 680) for x in range(400, 1200, 130)]
     mosaic = Mosaic()
     for number, pose in enumerate(truth):
-        mosaic.add(photograph(ground, pose, SMALL_CAMERA), f"{number:02}")
+        mosaic.place(seen(ground, pose, mosaic.settings.features), f"{number:02}")
     mosaic.adjust(everything=True)
     good = mosaic.held_out()[0]
     assert good.p95_px < 2

@@ -3,7 +3,7 @@
 import logging
 
 import pytest
-from stitch_ground import SMALL_CAMERA, Image, photograph
+from stitch_ground import Image, seen
 
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.mapping.journal import Journal
@@ -17,7 +17,7 @@ def said(
     caplog.set_level(logging.DEBUG, logger="gcs_mosaic.stitch.mapping.journal")
     mosaic = Mosaic(settings, observer=Journal())
     for i, ground in enumerate(grounds):
-        mosaic.add(photograph(ground, Pose(400 + 130 * i, 500), SMALL_CAMERA), f"{i}.jpg")
+        mosaic.place(seen(ground, Pose(400 + 130 * i, 500), mosaic.settings.features), f"{i}.jpg")
     mosaic.adjust(everything=True)
     return [record.getMessage() for record in caplog.records if record.levelno == level]
 

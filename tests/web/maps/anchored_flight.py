@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -33,9 +34,9 @@ FLIGHT = "small-19700101-000001"
 
 
 class AnchoredFlight:
-    """Written as a daemon writes; `truth` lays it."""
+    """Written as a daemon writes; `truth` lays it. `drawn`: the folder of one like it, whose tiles are taken over."""
 
-    def __init__(self, root: Path, truth: Anchor | None = None, box: Box = BOX) -> None:
+    def __init__(self, root: Path, truth: Anchor | None = None, box: Box = BOX, drawn: Path | None = None) -> None:
         self.root, self.truth, self.box = root, truth or anchor(gsd_m=0.1, turned_deg=30.0), box
         self.small = SmallFlight(root)
         with Ledger(root / LEDGER_NAME) as ledger:
@@ -48,7 +49,11 @@ class AnchoredFlight:
         self.small.place("a.jpg", 0.0, 0.0)
         self.laid = island(box, finest=16, laid=self.truth)
         self.small.islands = [self.entry(0)]
-        self.draw()
+        if drawn is None:
+            self.draw()
+        else:
+            for kind in ("tiles", "masks"):
+                shutil.copytree(drawn / kind, root / kind)
         self.small.write()
 
     def entry(self, id_: int, frames: int = 9, merged_into: int | None = None) -> IslandEntry:

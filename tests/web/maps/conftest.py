@@ -21,11 +21,17 @@ def fresh_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(flight_view, "REST", 0.0)
 
 
+@pytest.fixture(scope="session")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A flight whose tiles the others take over: they take half a second to draw."""
+    return AnchoredFlight(tmp_path_factory.mktemp("drawn")).root
+
+
 @pytest.fixture
-def flight(tmp_path: Path, fresh_tables: None) -> AnchoredFlight:
+def flight(tmp_path: Path, fresh_tables: None, drawn: Path) -> AnchoredFlight:
     root = tmp_path / "small"
     root.mkdir()
-    return AnchoredFlight(root)
+    return AnchoredFlight(root, drawn=drawn)
 
 
 @pytest.fixture
