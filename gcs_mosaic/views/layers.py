@@ -171,19 +171,21 @@ class LayerTiles:
         share = np.asarray((greatest - LEAST_CHANGE) / (MOST_CHANGE - LEAST_CHANGE), np.float64)
         return tile_picture(_CHANGES.colours, np.where(share > 0, share, np.nan), _unknown(known, grid_of(tile)))
 
-    def tile(self, layer: MapLayer, island: int, tile: Tile, at_least: int = 0) -> bytes | None:
-        """A PNG with alpha, of a revision or later if the folder is there already; None where nothing was seen."""
+    def tile(self, layer: MapLayer, island: int, tile: Tile, at_least: int = 0) -> tuple[int, bytes | None]:
+        """A PNG with alpha, of a revision or later if the folder is there already; None where nothing was seen. And the map's
+        revision that it is of."""
         table = self._view.table(at_least)
         near = table.near(island, tile_box(tile))
         if not near:
-            return None
-        whole = self.islands.of(island, at_least).coverage
+            return table.revision, None
+        found = self.islands.of(island, at_least)
+        revision, whole = min(table.revision, found.revision), found.coverage
         if whole is None:
-            return None
+            return revision, None
         grid = grid_of(tile)
         is_coarse = len(near) > MOST_FRAMES or grid.cell > whole.grid.cell
         seen = _resampled(whole, grid) if is_coarse else seen_on(grid, table, near, self._view.taken(table))
-        return _encoded(layer, seen, _usual_of(whole))
+        return revision, _encoded(layer, seen, _usual_of(whole))
 
 
 def _usual_of(whole: Coverage) -> Usual:

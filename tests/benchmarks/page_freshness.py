@@ -1,9 +1,9 @@
 """How far answers lie behind the map on a busy machine: `python -m tests.benchmarks.page_freshness [--load N] [--frames N]`.
 
-The real program flies simulated pictures, one each second, beside so many processes that do nothing but count (10). Somebody asks
-meanwhile who saw a place, and for the gaps, four times a second each. An answer tells the revision of the map that it is of; it
-lies behind by as long as mosaic.json had told of a later one when it was asked for. Printed: the median, 95 % and worst of that,
-and how long answers took.
+The real program flies simulated pictures, one each second, beside so many processes that do nothing but count (10). Somebody
+asks meanwhile who saw a place, for the gaps, and for a tile of the layer of looks, four times a second each. An answer tells
+the revision of the map that it is of; it lies behind by as long as mosaic.json had told of a later one when it was asked for.
+Printed: the median, 95 % and worst of that, and how long answers took.
 """
 
 from __future__ import annotations
@@ -31,7 +31,12 @@ from tests.running import Running, flying
 SHOT_EVERY_S, ASK_EVERY_S, LOOK_EVERY_S = 1.0, 0.25, 0.02
 PATIENCE_S = 60.0  # after the last shot
 SETTINGS = "finish_s: 60\nstitch: {features: {count: 500}}\n"  # the page is what is tried here
-PATHS = {"sightings": "/api/v1/islands/0/sightings?x=0&y=0", "gaps": "/api/v1/islands/0/gaps"}
+MIDDLE = 2**15  # column and row of the tile of level 16 at the canvas' origin
+PATHS = {
+    "sightings": "/api/v1/islands/0/sightings?x=0&y=0",
+    "gaps": "/api/v1/islands/0/gaps",
+    "layer": f"/api/v1/layers/looks/0/16/{MIDDLE}/{MIDDLE}.png",
+}
 
 
 @dataclass
@@ -130,7 +135,9 @@ def ask(port: int, name: str, found: Asked, told: Told, over: threading.Event) -
         try:
             connection = http.client.HTTPConnection("127.0.0.1", port, timeout=120)
             connection.request("GET", PATHS[name])
-            revision = json.loads(connection.getresponse().read())["map_revision"]
+            answer = connection.getresponse()
+            data, told_beside = answer.read(), answer.getheader("Map-Revision")
+            revision = int(told_beside) if told_beside else json.loads(data)["map_revision"]
         except (OSError, ValueError, KeyError, http.client.HTTPException):
             found.failed += 1
             continue

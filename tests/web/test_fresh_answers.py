@@ -168,5 +168,7 @@ def test_what_the_page_asks_is_answered_as_of_its_revision(
     fill_the_hole(flight, feed)
     page.wait_for(f"{GAPS} === 0", WAIT_S)
     assert page.evaluate(alpha.replace("REVISION", str(flight.manifest.revision))) == 255
+    told = f"""fetch("/{tile}?r={flight.manifest.revision}").then((answer) => answer.headers.get("Map-Revision"))"""
+    assert page.evaluate(told) == str(flight.manifest.revision)
     again = "[...document.querySelectorAll('.layer-tile img')].every(({ src }) => src.includes('&again='))"
     page.wait_for(again, WAIT_S)  # also where nothing was painted: what is usual may have changed

@@ -37,6 +37,7 @@ MOST_GAPS = 200  # the largest
 TILES = web.AppKey("layer_tiles", LayerTiles)
 SCALES = web.AppKey("thermal_scales", ThermalScales)
 PLACE = "{island:[0-9]{1,6}}/{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
+REVISION = "Map-Revision"  # that a tile of a layer is of
 LAYER_TILE = f"{BASE}/layers/{{layer:[a-z]{{1,20}}}}/{PLACE}.png"
 
 
@@ -128,17 +129,18 @@ async def layers(request: web.Request) -> web.StreamResponse:
     failures={404: "There is no such layer or tile."},
 )
 async def layer_tile(request: web.Request) -> web.StreamResponse:
-    """A tile of a layer, transparent where nothing was seen."""
+    """A tile of a layer, transparent where nothing was seen; the header Map-Revision tells of which of the map's revisions."""
     name = request.match_info["layer"]
     island, z, x, y = (int(request.match_info[name]) for name in ("island", "z", "x", "y"))
     if (name not in LAYERS and name != CHANGES) or not is_possible(Tile(z, x, y), FINEST_LEVEL):
         raise missing("There is no such layer or tile.")
     tiles, tile, at_least = request.app[TILES], Tile(z, x, y), asked_query(request, FreshQuery).r
     if name == CHANGES:
-        data = await in_thread(request, tiles.changed, island, tile, pool=SLOW_POOL)
-    else:
-        data = await in_thread(request, tiles.tile, LAYERS[name], island, tile, at_least, pool=SLOW_POOL)
-    return tile_answer(request, data)
+        return tile_answer(request, await in_thread(request, tiles.changed, island, tile, pool=SLOW_POOL))
+    revision, data = await in_thread(request, tiles.tile, LAYERS[name], island, tile, at_least, pool=SLOW_POOL)
+    told = tile_answer(request, data)
+    told.headers[REVISION] = str(revision)
+    return told
 
 
 @OPERATIONS.add(
