@@ -18,6 +18,7 @@ from gcs_mosaic.stitch.arrays import Bands
 Numbers = NDArray[np.float64]
 
 SAMPLE = 200_000  # numbers, about, by which the scale is chosen
+AT_ONCE = 1_000_000  # numbers that become counts together
 EDGE = 0.005  # share of them at either end that does not decide: dead pixels, glints
 # What is not a number of the scene: GDAL's and others' marks for no data lie beyond.
 LEAST, MOST = -9999.0, 1e6
@@ -32,8 +33,9 @@ class NumberScale:
     step: float
     zero: float
 
-    def counts(self, numbers: Numbers) -> Bands:
+    def counts(self, stored: NDArray[Any]) -> Bands:
         """Of any shape, as uint16; 0, as of a dead line, for what is no number."""
+        numbers = stored.astype(np.float64)
         known = np.where(_is_number(numbers), numbers, self.zero)
         return np.asarray(np.clip(np.rint((known - self.zero) / self.step), 0, COUNTS), np.uint16)
 
@@ -45,7 +47,9 @@ MOST_SHARE, LEAST_SHARE = 2.0, -0.05  # between which such pictures lie, but for
 # (0.03 to 0.1 K). A frame belongs here by its middle, whatever fire or sky is in it.
 DEGREES = NumberScale(0.02, -655.36)
 MOST_DEGREES = 600.0
-AS_THEY_ARE = NumberScale(1.0, 0.0)
+AS_THEY_ARE = NumberScale(
+    1.0, 0.0
+)  # whole numbers without a sign, as counts are in any format; and what is larger than degrees
 SIGNED = NumberScale(1.0, -32_768.0)  # of 16 bits
 
 
@@ -58,8 +62,9 @@ def counts_of(image: NDArray[Any]) -> Bands:
         return np.asarray(image.astype(np.int16) + 128, np.uint8)
     if image.dtype == np.int16:
         return np.asarray(image.astype(np.int32) - round(SIGNED.zero), np.uint16)
-    numbers = image.astype(np.float64)
-    return scale_of(numbers).counts(numbers)
+    scale = scale_of(image)
+    rows = max(1, AT_ONCE // max(1, image[0].size))  # all at once is eight times as large as the file
+    return np.concatenate([scale.counts(image[top : top + rows]) for top in range(0, len(image), rows)])
 
 
 def scale_of(image: NDArray[Any]) -> NumberScale:
@@ -73,6 +78,9 @@ def scale_of(image: NDArray[Any]) -> NumberScale:
     if not some.size:
         raise StructureError("damaged: a picture of floats without a number in it")
     low, middle, high = np.quantile(some, (EDGE, 0.5, 1 - EDGE)).tolist()
+    is_counts = low >= 0 and high <= COUNTS
+    if is_counts and high > MOST_SHARE and not (some % 1).any():
+        return AS_THEY_ARE
     if low >= LEAST_SHARE and high <= MOST_SHARE:
         return SHARES
     if abs(middle) <= MOST_DEGREES:

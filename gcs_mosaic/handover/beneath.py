@@ -12,12 +12,14 @@ from gcs_mosaic.views.flight_view import FlightView
 
 logger = logging.getLogger(__name__)
 
+BESIDE_S = 1.0  # for each find that the ground is sought around it: somebody waits for all of the report
+
 
 class BeneathLeaves:
     """Of the finds of a flight."""
 
     def __init__(self, view: FlightView) -> None:
-        self._keeper = LensKeeper(view)
+        self._keeper = LensKeeper(view, BESIDE_S)
 
     def __call__(self, one: PlacedFind) -> Beneath | None:
         """None where fewer than two looks at it can be laid together."""

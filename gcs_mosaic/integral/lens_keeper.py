@@ -60,10 +60,11 @@ class LensView:
 
 
 class LensKeeper:
-    """For one thread. A lens is opened anew by whoever asks for a place without saying a height."""
+    """For one thread. A lens is opened anew by whoever asks for a place without saying a height. `beside_s`: that the ground is
+    sought around a place where it is not seen; what is found serves the next places, too."""
 
-    def __init__(self, view: FlightView) -> None:
-        self._view = view
+    def __init__(self, view: FlightView, beside_s: float = BESIDE_S) -> None:
+        self._view, self._beside_s = view, beside_s
         self._ground = GroundSurface(view)
         self._open: dict[LensWish, tuple[float, GroundLens, Focus]] = {}
 
@@ -96,7 +97,7 @@ class LensKeeper:
                 self._open.pop(min(self._open, key=lambda one: self._open[one][0]))
             lens = ground_lens(self._view, wish.island, (wish.x, wish.y), wish.cells, wish.side, MOST_LOOKS)
             lens.aperture(0.0 if wish.height is None else wish.height)  # says it where looks do not overlap
-            known = (0.0, lens, self._ground.focus_of(wish.island, lens, BESIDE_S))
+            known = (0.0, lens, self._ground.focus_of(wish.island, lens, self._beside_s))
         _, lens, focus = known
         self._open[key] = time.monotonic(), lens, focus
         return lens, focus

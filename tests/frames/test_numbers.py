@@ -81,6 +81,22 @@ def test_counts_of_more_bits_are_read_if_they_are_few(kind: type) -> None:
     np.testing.assert_array_equal(decoded(counts)[..., 0], counts)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.int32])
+def test_whole_counts_have_one_scale_however_dark_a_frame_is(kind: type) -> None:
+    """Of ten and twelve bits: some frames' middle is among degrees, others' above."""
+    for middle in (60, 400, 900, 3_000):
+        counts: Numbers = np.rint(middle * (1 + 0.9 * SCENE)).astype(kind)
+        counts[0, 0] = 4_095
+        np.testing.assert_array_equal(decoded(counts)[..., 0], counts)
+
+
+def test_a_large_picture_is_counted_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    degrees = (18 + 9 * SCENE).astype(np.float32)
+    whole = decoded(degrees)
+    monkeypatch.setattr("gcs_mosaic.frames.numbers.AT_ONCE", 7 * 64 + 3)
+    np.testing.assert_array_equal(decoded(degrees), whole)
+
+
 def test_bands_and_colours_have_one_scale() -> None:
     shares = np.stack([0.2 + 0.15 * SCENE, 0.4 + 0.1 * SCENE, 0.1 + 0.05 * SCENE], axis=-1).astype(np.float32)
     blue_first = decoded(shares, photometric="rgb")

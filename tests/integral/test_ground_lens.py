@@ -126,5 +126,4 @@ def test_where_the_ground_is_not_seen_it_is_sought_around(flown: Path, monkeypat
     seen = LensKeeper(view).look(wish)
     assert (seen.focus.beside, seen.focus.known, seen.focus.is_guess) == (True, False, False)
     assert abs(seen.height) < 0.02
-    monkeypatch.setattr("gcs_mosaic.integral.lens_keeper.BESIDE_S", -1.0)
-    assert LensKeeper(view).look(wish).focus == nothing
+    assert LensKeeper(view, beside_s=-1.0).look(wish).focus == nothing

@@ -129,7 +129,8 @@ async def layers(request: web.Request) -> web.StreamResponse:
     failures={404: "There is no such layer or tile."},
 )
 async def layer_tile(request: web.Request) -> web.StreamResponse:
-    """A tile of a layer, transparent where nothing was seen; the header Map-Revision tells of which of the map's revisions."""
+    """A tile of a layer, transparent where nothing was seen; the header Map-Revision tells of which of the map's
+    revisions, but of what changed between flights, which comes frame by frame."""
     name = request.match_info["layer"]
     island, z, x, y = (int(request.match_info[name]) for name in ("island", "z", "x", "y"))
     if (name not in LAYERS and name != CHANGES) or not is_possible(Tile(z, x, y), FINEST_LEVEL):
