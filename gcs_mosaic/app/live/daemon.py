@@ -348,18 +348,22 @@ class _Daemon:
         elif self._is_idle() and (self._state == "flying" or self._adjusting):
             self._state = "idle"
             self._adjust_in_a_pause()
-            if not self._driver.repaint_some():
+            if not self._driver.repaint_some(self._begin):
                 self._driver.save()
         elif self._unsettled and self._is_idle(LANDED_AFTER_S):
             self._unsettled = False
             self._pipeline.settle_in_a_pause()
             self._driver.save()
         elif self._repainting():
-            self._driver.repaint_some()
+            self._driver.repaint_some(self._begin)
 
     def _begin_next(self, done: Done) -> None:
         """Start preparing the newest frame while this one is being written."""
         self._preparation.processed(done.name, done.on_map, waits=done.state is FrameState.WAITING)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Start preparing what has just come, while what is painted is being written."""
         self._take_in(0.0)
         self._preparation.begin()
 

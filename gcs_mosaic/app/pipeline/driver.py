@@ -59,10 +59,13 @@ class Driver:
             self._note_step()
             yield
 
-    def repaint_some(self) -> bool:
-        """Use spare time to repaint a little, and save it; False if there is nothing to do."""
+    def repaint_some(self, between: Callable[[], None] | None = None) -> bool:
+        """Use spare time to repaint a little, and save it; `between` is called before the save. False if there is nothing to
+        do."""
         some = self._pipeline.repaint_some()
         if some:
+            if between is not None:
+                between()
             self.save()
             self._note_step()
         return some
