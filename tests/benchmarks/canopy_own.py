@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,6 +26,8 @@ def own_looks(flight: sitl.flight.Flight, images: Sequence[FloatImage]) -> tuple
     placed, by_name = mosaic.placements(), dict(zip(flight.names, zip(flight.states, images, strict=True), strict=True))
     islands = [one.island for one in placed]
     placed = [one for one in placed if one.island == max(set(islands), key=islands.count)]
+    if len(placed) < len(images) / 2:
+        sys.exit(f"  own poses: {len(placed)} of {len(images)} frames on one island, too few to look through gaps with")
     looks = [GroundLook(one.name, one.pose, one.camera, by_name[one.name][1], one.relief) for one in placed]
     canvas = np.array([[one.pose.x, one.pose.y] for one in looks])
     world = np.array([[by_name[one.name][0].x, by_name[one.name][0].y] for one in looks])
