@@ -124,23 +124,35 @@ def _turns(frames: Sequence[RenderItem], aircraft: Mapping[str, Aircraft]) -> di
 
 def _lit(frames: Sequence[RenderItem], overlaps: Sequence[Overlap]) -> dict[str, Look]:
     """Gain and light field of frames of one kind, given with gain and vignetting. Over the ground that overlapping frames of
-    an island show, both together have the mean logarithm 0: no map is brighter than its photographs. (Vignetting has a mean of
-    its own.)"""
+    an island show, what gains and light fields add has together the mean logarithm 0, and what is taken out as vignetting the
+    median 0: no map is brighter or darker than its photographs."""
     seen = _seen_beside({painted.name: painted for painted in frames}, overlaps)
     lights: dict[str, LightField | None] = {}
-    sums: dict[int, list[AnyArray]] = {}  # by island, of each frame: log factor by band, times its area, and this
+    parts: dict[int, list[tuple[AnyArray, AnyArray, AnyArray]]] = {}  # of each island
     for one in frames:
         beside = [_beside(one, other, light) for other, light in seen[one.name]]
         lights[one.name] = lacking(_aspect(one), beside)
         if beside:
             ground = np.exp(2 * one.pose.log_gsd) * one.camera.width * one.camera.height
-            area = shown_part(_aspect(one), beside) * ground
-            logs = np.log(np.array(one.gain)) + at_places(lights[one.name], nodes())
-            sums.setdefault(one.island, []).append(np.r_[(area * logs).sum(axis=0), area.sum()])
-    totals = {island: np.sum(some, axis=0) for island, some in sums.items()}
-    even = {island: np.exp(-total[:-1] / total[-1]) for island, total in totals.items()}
+            gain = np.log(np.array(one.gain))
+            taken_out = log_compensation(one, nodes()) - gain
+            logs = np.broadcast_to(gain + at_places(lights[one.name], nodes()), taken_out.shape)
+            parts.setdefault(one.island, []).append((shown_part(_aspect(one), beside) * ground, logs, taken_out))
+    even = {
+        island: _evening(*(np.concatenate(one) for one in zip(*some, strict=True))) for island, some in parts.items()
+    }
     gains = {one.name: np.array(one.gain) * (even[one.island] if seen[one.name] else 1) for one in frames}
     return {name: (tuple(gain.tolist()), lights[name]) for name, gain in gains.items()}
+
+
+def _evening(areas: AnyArray, logs: AnyArray, taken_out: AnyArray) -> AnyArray:
+    """Factors (bands,) that make places (n, ...) of these areas (n, 1) as bright as their photographs: `logs` (n, bands) from
+    gains and light, and `taken_out` (n, bands) as vignetting, of which the median is held: a dark spot of a lens is brightened
+    on the map, and all else is not to be darkened for it."""
+    order = np.argsort(taken_out, axis=0)
+    before = np.cumsum(areas[order, 0], axis=0) / areas.sum()
+    middle = [taken_out[order[np.searchsorted(before[:, band], 0.5), band], band] for band in range(logs.shape[1])]
+    return np.asarray(np.exp(-(areas * logs).sum(axis=0) / areas.sum() - middle))
 
 
 def _seen_beside(

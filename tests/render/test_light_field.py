@@ -12,7 +12,7 @@ from gcs_mosaic.render.brightness import Brightness
 from gcs_mosaic.render.exposure import ExposureSettings
 from gcs_mosaic.render.frame_warp import frame_warp
 from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField, at_places, lacking, own_weight
-from gcs_mosaic.render.render_list import RenderItem, brightness_apart
+from gcs_mosaic.render.render_list import RenderItem, brightness_apart, log_tones
 from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import FloatRows, Levels
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
@@ -28,23 +28,30 @@ Light = Callable[[int], Sequence[float]]  # log brightness of each band of a fra
 
 
 def in_flight(
-    count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0
+    count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0, fall: float = 0.0
 ) -> tuple[Brightness, list[RenderItem]]:
     """A leg over textured ground, each frame as it is painted at first. shading: log brightness from a frame's back to its
-    front."""
+    front; fall: from its middle to its corners, which is found only if there is some."""
     ground = np.random.default_rng(4).normal(90, 12, (LENS.height, LENS.width + STEP * count, 1)).clip(40, 140)
-    known = Brightness(settings or ExposureSettings(), VignettingSettings(sigma=1e-6), lambda camera: NO_BORDER)
+    curves = VignettingSettings(sigma=1.0 if fall else 1e-6)
+    known = Brightness(settings or ExposureSettings(), curves, lambda camera: NO_BORDER)
+    y, x = np.mgrid[-1 : 1 : LENS.height * 1j, -1 : 1 : LENS.width * 1j]
+    corners = (fall * ((x * LENS.width) ** 2 + (y * LENS.height) ** 2) / (LENS.width**2 + LENS.height**2))[..., None]
     there: list[RenderItem] = []
     for order in range(count):
         across = np.linspace(-shading / 2, shading / 2, LENS.width)[None, :, None]
-        small: Levels = (ground[:, order * STEP :][:, : LENS.width] * np.exp(light(order) + across)).astype(np.float32)
+        small: Levels = (ground[:, order * STEP :][:, : LENS.width] * np.exp(light(order) + across + corners)).astype(
+            np.float32
+        )
         there.append(known.settled(painted(order, order * STEP, camera=LENS), small, there[-4:]))
     return known, there
 
 
-def flown(count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0) -> list[RenderItem]:
+def flown(
+    count: int, light: Light, settings: ExposureSettings | None = None, shading: float = 0.0, fall: float = 0.0
+) -> list[RenderItem]:
     """The same leg as it is painted in the end."""
-    known, there = in_flight(count, light, settings, shading)
+    known, there = in_flight(count, light, settings, shading, fall)
     looks = known.final({one.name: one for one in there})
     final = ((one, *looks[one.name]) for one in there)
     return [replace(one, gain=gain, vignetting=curves, light=light) for one, gain, curves, light in final]
@@ -159,6 +166,19 @@ def test_no_map_is_brighter_than_its_photographs() -> None:
     assert leg[5].gain[0] < leg[4].gain[0] * 0.95
     shown = [made(one)[0, 0] + 0.4 * (k % 5 == 0) for k, one in enumerate(leg)]
     assert abs(shown[5] - shown[4]) < 0.25 * 0.4  # the light field does the rest
+
+
+@pytest.mark.parametrize("fall", [-0.6, 0.6])
+def test_what_maps_show_of_a_lens_that_is_uneven_is_as_bright_as_its_photographs(fall: float) -> None:
+    """The map shows middles, which are brighter, or darker, than whole photographs; vignetting is taken out all the same."""
+    leg = flown(30, lambda order: [0.0] * 3, fall=fall)
+    shown = np.stack(np.meshgrid(np.linspace(0.4, 0.6, 9), np.linspace(0.05, 0.95, 19)), axis=-1).reshape(-1, 2)
+    whole = np.stack(np.meshgrid(np.linspace(0.05, 0.95, 19), np.linspace(0.05, 0.95, 19)), axis=-1).reshape(-1, 2)
+    tones = [np.median([log_tones(one, part.astype(np.float32)) for one in leg[8:-8]]) for part in (shown, whole)]
+    assert tones[0] == pytest.approx(0, abs=0.06)  # 0.14 of the whole photographs
+    assert tones[1] * np.sign(-fall) > 0.05
+    corner, middle = log_tones(leg[15], np.array([[0.02, 0.02], [0.5, 0.5]], np.float32))[:, 0]
+    assert corner - middle == pytest.approx(-fall, abs=0.1)
 
 
 def test_a_field_is_what_its_frame_is_painted_with_and_is_compared_by() -> None:
