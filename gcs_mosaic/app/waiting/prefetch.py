@@ -226,8 +226,8 @@ class Preparation:
     def begin(self) -> None:
         """Start preparing the next frames of all queued; at most `at_once` images are in memory or being loaded, one if large."""
         soon = self._turns.soon()
-        for number in soon:
-            if number not in self._ahead and self._made_room(soon):
+        for place, number in enumerate(soon):
+            if number not in self._ahead and self._made_room(soon, place):
                 self._begin(number)
 
     def wait(self, timeout_s: float) -> None:
@@ -257,13 +257,14 @@ class Preparation:
         wait([future for future in self._ahead.values() if not future.done()], timeout_s, FIRST_COMPLETED)
         self.begin()
 
-    def _made_room(self, soon: Sequence[int]) -> bool:
-        """Whether there is room for another image, after putting back those that are no longer next."""
+    def _made_room(self, soon: Sequence[int], place: int) -> bool:
+        """Whether there is room for another image, that of the frame at this `place` among those that come `soon`; after putting
+        back ready ones that come later. One that only fills in would else hold the only place against the frame before it."""
         ready = self._ready()
         turn = self._turns.next(ready)
         most = self._at_once if AHEAD * self._image_bytes <= MOST_AHEAD_BYTES else 1
-        for number in ready:
-            if len(self._ahead) >= most and number not in soon and number != turn:
+        for number in sorted(ready, key=lambda one: soon.index(one) if one in soon else len(soon), reverse=True):
+            if len(self._ahead) >= most and number not in soon[:place] and number != turn:
                 prepared = self._ahead.pop(number).result()
                 if isinstance(prepared, DecodedFrame):
                     self._features[number] = prepared.features

@@ -57,6 +57,28 @@ def frame(number: int) -> Frame:
     )
 
 
+def taken_of(preparation: Preparation) -> int:
+    """The number of the next frame, which is placed; ends if none is ready for long."""
+    until = time.monotonic() + 20 * DECODING_S
+    while not preparation.is_ready:
+        assert time.monotonic() < until, f"{len(preparation)} frames wait for ever"
+        preparation.wait(DECODING_S)
+    prepared = preparation.next()
+    assert isinstance(prepared, DecodedFrame)
+    preparation.processed(prepared.frame.name, [prepared.frame.name], waits=False)
+    return int(Path(prepared.frame.name).stem)
+
+
+def test_a_frame_that_comes_when_an_older_one_is_ready_has_its_turn_before_that(preparation: Preparation) -> None:
+    for number in range(3):
+        preparation.append(frame(number))
+    assert taken_of(preparation) == 2
+    while not preparation.is_ready:  # one of those that fill in
+        preparation.wait(DECODING_S)
+    preparation.append(frame(3))
+    assert [taken_of(preparation) for _ in range(3)] == [3, 1, 0]
+
+
 @pytest.mark.long
 def test_frames_that_come_faster_than_they_are_prepared_have_their_turns(preparation: Preparation) -> None:
     """Three or more come while one is prepared: each turn has one that is newer than the last, and none waits for ever."""
