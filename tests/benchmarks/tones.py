@@ -3,7 +3,7 @@
     python -m tests.benchmarks.tones [NAME|DIR ...] [--keep]
 
 NAME: a folder of data/ beside the project; DIR: any folder of frames; without either, all folders of data/ that hold frames.
-Large photographs are painted at a quarter of their size. `--keep` writes what was found to tones.json.
+Photographs of more than 2 MB are painted at a quarter of their size. `--keep` writes what was found to tones.json.
 
 Of the island with most frames, at its usual level, beside the same frames as they were taken (gains 1, vignetting left in):
 cells of 200 px, the median brightness of the map over that of the photographs that show there, and over the median of all
