@@ -67,7 +67,8 @@ def _pixels(first: int, last: int) -> slice:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """A frame's pixels on a part of a tile; `coverage` None: full."""
+    """A frame's pixels on a part of a tile; `coverage` None: full. `weight`: see `warp_grid.FrameLattice`; 0 of an inset, which
+    shows on tiles of other frames only as far as they reach."""
 
     place: Place
     colour: ImageBGR
@@ -127,7 +128,9 @@ def piece(
         colour = np.asarray(cv2.copyTo(colour, coverage), np.uint8)
         if bands is not None:
             bands[coverage == 0] = 0
-    return Piece(place, colour, coverage, bands, frame.lattice.weight[window].copy())
+    weight = frame.lattice.weight[window]
+    is_inset = tile.z != frame.painted.level
+    return Piece(place, colour, coverage, bands, np.zeros_like(weight) if is_inset else weight.copy())
 
 
 def _shown(bright: Lattice, shown: tuple[int, int, int]) -> Lattice:

@@ -75,6 +75,16 @@ def mosaic(frames: list[tuple[RenderItem, np.ndarray]]) -> np.ndarray:
         return tiles_at_16(canvas)
 
 
+def overview(frames: list[tuple[RenderItem, np.ndarray]]) -> np.ndarray:
+    """Two by two tiles of the level above the finest."""
+    images = {frame.name: image for frame, image in frames}
+    with TileCompositor(images.get, CompositorSettings()) as canvas:
+        canvas.move([frame for frame, _ in frames])
+        list(canvas.repaint())
+        tiles = [[canvas.tile(0, Tile(15, (MIDDLE >> 1) + x, (MIDDLE >> 1) + y)) for x in range(2)] for y in range(2)]
+        return np.vstack([np.hstack([one.colour for one in row if one is not None]) for row in tiles])
+
+
 def red(picture: np.ndarray, x: int, y: int, side: int) -> float:
     """The share of a square that is red, by at least half of what it was."""
     part = picture[y : y + side, x : x + side].astype(int)
@@ -103,6 +113,17 @@ def test_somebody_seen_once_from_high_up_stays_on_the_map(gsd: int, high_first: 
     covered = without.any(axis=2)
     other = (np.abs(shown.astype(int) - without).max(axis=2) > 8) & covered
     assert other.sum() < (side + 2 * 20 * gsd) ** 2, "all else is as fine as it was"
+
+
+def test_a_finer_frame_fades_into_coarser_ones_where_an_inset_shows_somebody_too() -> None:
+    """The border of a brighter frame runs through the tile of a person that only the coarser frame has seen."""
+    x, y = PERSON
+    near = flown(1, 200, 260, FINE, cv2.add(ground(), (30, 30, 30, 0)))
+    one, nobody = (overview([flown(0, 0, 0, HALF, ground(who)), near]) for who in ([(*PERSON, 12)], []))
+    assert red(one, x // 2, y // 2, 6) > 0.9
+    other = np.abs(one.astype(int) - nobody).max(axis=2) > 8  # tones change a little around them
+    other[y // 2 - 20 : y // 2 + 26, x // 2 - 20 : x // 2 + 26] = False
+    assert not other.any(), "all else is as if nobody were there"
 
 
 def test_two_frames_from_high_up_show_somebody_once() -> None:
