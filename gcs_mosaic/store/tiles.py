@@ -26,6 +26,7 @@ from gcs_mosaic.store.tile_header import is_tile_sized
 logger = logging.getLogger(__name__)
 
 Shown = Callable[[], TilePicture | None]
+ReadMask = Callable[[Path, int, Tile], Coverage | None]  # as `read_mask`, or what it read before
 PLAIN_NUMBER = re.compile(r"[0-9]{1,9}", re.ASCII)
 MCU = 8  # px; block size of a JPEG without chroma subsampling
 QUEUE = 32  # tiles waiting to be encoded; each holds 400 kB
@@ -142,12 +143,12 @@ def remove_strays(root: Path, known: Collection[TileKey]) -> None:
             remove_tile(root, island, tile)
 
 
-def read_tile(root: Path, island: int, tile: Tile) -> TilePicture | None:
+def read_tile(root: Path, island: int, tile: Tile, masks: ReadMask | None = None) -> TilePicture | None:
     """A tile from disk; None if it is missing, incomplete, or not a tile."""
     colour = _read(tile_path(root, island, tile), root, cv2.IMREAD_COLOR)
     if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
         return None
-    coverage = read_mask(root, island, tile)
+    coverage = (masks or read_mask)(root, island, tile)
     if coverage is None or coverage is full_coverage(TILE_SIZE):
         return None if coverage is None else TilePicture(colour, coverage)
     return TilePicture(np.asarray(cv2.copyTo(colour, coverage), dtype=np.uint8), coverage)

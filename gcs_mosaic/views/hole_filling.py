@@ -18,7 +18,7 @@ from gcs_mosaic.render.pyramid import TilePicture
 from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, ancestor
 from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, FloatImage, Mask, Matrix2x3
-from gcs_mosaic.store.tiles import read_mask, read_tile
+from gcs_mosaic.store.tiles import ReadMask, read_mask, read_tile
 
 DEEPEST = 8  # levels between a tile and the ancestor it is filled from: there one pixel fills it
 FADE = 24  # px from the edge of the finer image to where it is opaque
@@ -36,16 +36,17 @@ class Tiles(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class WrittenTiles:
-    """The tiles of an island in a flight's folder."""
+    """The tiles of an island in a flight's folder. `masks`: whoever fills many tiles may know masks that were read before."""
 
     root: Path
     island: int
+    masks: ReadMask = read_mask
 
     def picture(self, tile: Tile) -> TilePicture | None:
-        return read_tile(self.root, self.island, tile)
+        return read_tile(self.root, self.island, tile, self.masks)
 
     def mask(self, tile: Tile) -> Coverage | None:
-        return read_mask(self.root, self.island, tile)
+        return self.masks(self.root, self.island, tile)
 
 
 class _ReadOnce:

@@ -1,15 +1,21 @@
-"""Tiles of the canvas that were asked for, kept until something near them is painted."""
+"""Tiles of the canvas that were asked for, kept until something near them is painted, and the masks they were made by."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
+from functools import partial
+from pathlib import Path
 
-from gcs_mosaic.render.tile_grid import Tile, ancestor
+from gcs_mosaic.render.tile_cache import full_coverage
+from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile, ancestor
+from gcs_mosaic.stitch.arrays import Coverage
+from gcs_mosaic.store.tiles import ReadMask, read_mask
 from gcs_mosaic.views.tile_reader import EncodedTile
 from gcs_mosaic.web.change import Change, PaintedTiles
 from gcs_mosaic.web.recent_answers import RecentAnswers
 
 MOST_BYTES = 48 << 20
+MOST_MASK_BYTES = 24 << 20  # of some 370 tiles that are not full
 EACH_BYTES = 500  # of one without data
 Key = tuple[int, Tile]  # island, tile
 
@@ -19,13 +25,25 @@ class AnsweredTiles:
 
     def __init__(self, revision: Callable[[], int]) -> None:
         self._kept: RecentAnswers[Key, EncodedTile | None] = RecentAnswers(revision, _size, MOST_BYTES, near_painted)
+        self._masks: RecentAnswers[Key, Coverage | None] = RecentAnswers(
+            revision, _mask_size, MOST_MASK_BYTES, _painted_anew
+        )
 
     def get(self, island: int, tile: Tile, revision: int, make: Callable[[], EncodedTile | None]) -> EncodedTile | None:
         """The tile as it is kept, if it is of that revision or a later one, else as `make` makes it; None: nothing was seen."""
         return self._kept.get((island, tile), revision, make)
 
+    def masks(self, revision: int) -> ReadMask:
+        """Masks of that revision or a later one, not to be modified: each is asked for by all tiles around it and below."""
+
+        def mask(root: Path, island: int, tile: Tile) -> Coverage | None:
+            return self._masks.get((island, tile), revision, partial(read_mask, root, island, tile))
+
+        return mask
+
     def forget(self, change: Change) -> None:
         """Something was painted."""
+        self._masks.forget(change)  # first: a tile that is begun now is kept, and must not be made by an old one
         self._kept.forget(change)
 
 
@@ -36,6 +54,16 @@ def near_painted(keys: Collection[Key], change: Change) -> Iterator[Key]:
     for key in keys:
         if key in above or any(one in near for one in _upwards(key)):
             yield key
+
+
+def _painted_anew(keys: Collection[Key], change: Change) -> Collection[Key]:
+    """The masks of painted tiles are spoilt, and those of all that contain these."""
+    painted = change.painted or frozenset()
+    return (painted | _ancestors(painted)) & set(keys)
+
+
+def _mask_size(mask: Coverage | None) -> int:
+    return EACH_BYTES if mask is None or mask is full_coverage(TILE_SIZE) else EACH_BYTES + mask.nbytes
 
 
 def _size(made: EncodedTile | None) -> int:

@@ -13,6 +13,7 @@ from typing import Annotated
 from aiohttp import web
 
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
+from gcs_mosaic.store.tiles import ReadMask, read_mask
 from gcs_mosaic.views.tile_reader import EncodedTile, filled
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
@@ -52,9 +53,9 @@ async def tile(request: web.Request) -> web.StreamResponse:
     """One tile with its holes filled."""
     island, wanted = requested_tile(request)
     pool, kept = request.app[TILE_POOL], request.app[ANSWERED]
-    make = partial(made, request.app[ROOT], island, wanted)
     revision = request.query.get("r", "")
     least = int(revision) if REVISION.fullmatch(revision) else 0
+    make = partial(made, request.app[ROOT], island, wanted, kept.masks(least))
     try:
         encoded = await asyncio.get_running_loop().run_in_executor(pool, kept.get, island, wanted, least, make)
     except FileNotFoundError as error:
@@ -64,9 +65,9 @@ async def tile(request: web.Request) -> web.StreamResponse:
     return tile_answer(request, encoded.data, encoded.media_type)
 
 
-def made(root: Path, island: int, wanted: Tile) -> EncodedTile | None:
+def made(root: Path, island: int, wanted: Tile, masks: ReadMask = read_mask) -> EncodedTile | None:
     """As `tile_reader.filled`. Raises FileNotFoundError where the flight's folder is gone: nobody can tell then what was seen."""
-    encoded = filled(root, island, wanted)
+    encoded = filled(root, island, wanted, masks)
     if encoded is None and not root.is_dir():
         raise FileNotFoundError(root)
     return encoded

@@ -118,7 +118,7 @@ def test_somebody_seen_once_from_high_up_stays_on_the_map(gsd: int, high_first: 
 def test_a_finer_frame_fades_into_coarser_ones_where_an_inset_shows_somebody_too() -> None:
     """The border of a brighter frame runs through the tile of a person that only the coarser frame has seen."""
     x, y = PERSON
-    near = flown(1, 200, 260, FINE, cv2.add(ground(), (30, 30, 30, 0)))
+    near = flown(1, 200, 260, FINE, ground() + np.uint8(30))
     one, nobody = (overview([flown(0, 0, 0, HALF, ground(who)), near]) for who in ([(*PERSON, 12)], []))
     assert red(one, x // 2, y // 2, 6) > 0.9
     other = np.abs(one.astype(int) - nobody).max(axis=2) > 8  # tones change a little around them
