@@ -8,6 +8,7 @@ seam.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.cells import CELLS, Window
 from gcs_mosaic.render.frame_warp import FrameWarp
+from gcs_mosaic.render.render_list import Turn
 from gcs_mosaic.render.sampling import at_middles, lattice_part, places_in, sampled
 from gcs_mosaic.stitch.arrays import FrameNumbers, Lattice, Mask, ToneShifts
 
@@ -60,27 +62,42 @@ def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[W
     """
     size = window.shape[0] // 2, window.shape[1] // 2
     total, weight = np.zeros((4, *size), np.float32), np.zeros(size, np.float32)
-    tones: dict[int, tuple[Window, Lattice]] = {}
-    # In capture order, not by number: what a sum of floats comes to depends on its order.
-    seen = [(number, box, known) for number, box in shown_boxes(first, window).items() if (known := seer(number))]
-    for number, box, (frame, maps) in sorted(seen, key=lambda one: one[2][0].painted.turn):
-        there = box.wider().common(frame.window)
-        there = None if there is None else there.common(window)
-        if there is None:
-            continue
-        if maps.tone is None:  # a palette's colours
-            continue
-        values, sure = tone(frame, maps, there)
-        share = wide(first[window.of(there)] == number) * sure
-        place = squares(window.of(there))
-        total[:, place[0], place[1]] += values * share
-        weight[place] += share
-        tones[number] = there, values
+    # One after another: all their looks together are 6 MB a frame. In capture order, not by number: what a sum of floats comes to
+    # depends on its order.
+    seen = [
+        one for number, box in shown_boxes(first, window).items() if (one := _seen(first, window, number, box, seer))
+    ]
+    for one in sorted(seen, key=lambda one: one.turn):
+        place = squares(window.of(one.there))
+        total[:, place[0], place[1]] += one.values * one.share
+        weight[place] += one.share
     np.divide(total, weight, out=total, where=weight > 0)
     return {
-        number: (there, _shift(total, weight, squares(window.of(there)), values))
-        for number, (there, values) in tones.items()
+        one.number: (one.there, _shift(total, weight, squares(window.of(one.there)), one.values))
+        for one in sorted(seen, key=lambda one: one.turn)
     }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tones:
+    """A frame's tones `there`, and how much ground it shows around each square (h, w)."""
+
+    turn: Turn
+    number: int
+    there: Window
+    values: Lattice
+    share: Lattice
+
+
+def _seen(first: FrameNumbers, window: Window, number: int, box: Window, seer: Seer) -> _Tones | None:
+    """The tones of a frame that shows within a box; None if it is not there, or in a palette's colours."""
+    known = seer(number)
+    there = None if known is None else box.wider().common(known[0].window)
+    there = None if there is None else there.common(window)
+    if known is None or there is None or known[1].tone is None:
+        return None
+    values, sure = tone(*known, there)
+    return _Tones(known[0].painted.turn, number, there, values, wide(first[window.of(there)] == number) * sure)
 
 
 def squares(cells: tuple[slice, slice]) -> tuple[slice, slice]:
