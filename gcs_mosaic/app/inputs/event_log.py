@@ -103,8 +103,9 @@ class EventLog:
         """Add a frame that is in the ledger; `fresh` if it arrived after the watch began. No event is about one of a video."""
         if video_and_ms(frame.name) is not None:
             return
-        # Events name the original file, wherever its frame is kept and however often it was rewritten.
-        frame = replace(frame, path=Path(file_and_version(frame.name)[0]))
+        # Events name the original file, wherever its frame is kept and however often it was rewritten. Thousands of frames are
+        # remembered here, without their files.
+        frame = replace(frame, path=Path(file_and_version(frame.name)[0]), data=None)
         pairing = self._pairing_of(frame.vehicle)
         if frame.is_whole_of_earlier and frame.earlier is not None:
             self._outcomes += pairing.whole_of(frame.earlier, frame)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -198,3 +199,19 @@ def test_what_was_matched_stays_so_in_a_resumed_flight(tmp_path: Path, how: str)
         log.resume(told_again(before, ledger.frames(), []), Shots(ShotSettings()), 1000.0, tmp_path)
         log.save()
         assert ledger.events() == before
+
+
+def test_of_the_frames_that_are_remembered_no_file_stays_in_memory(tmp_path: Path) -> None:
+    """Of a long flight that would be gigabytes."""
+    whole = bytes(bytearray(b"a file"))  # an object of its own, whose references can be counted
+    with closing(Ledger(tmp_path / "flight.sqlite")) as ledger:
+        shots, log = Shots(ShotSettings()), EventLog(ledger, PairingSettings())
+        log.message(shots.hear(trigger_event(received=100.0, file_hint="a.jpg")), 100.0)
+        for name in ("a.jpg", "an orphan.jpg"):
+            came = frame(name, 101.0, data=whole)
+            ledger.record_frame(came)
+            before = sys.getrefcount(whole)
+            log.frame(came, came.received, fresh=True)
+            log.save()
+            assert sys.getrefcount(whole) == before
+        assert ledger.events()[0].frame == "a.jpg", "it is remembered"
