@@ -7,7 +7,7 @@ from contextlib import suppress
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # from glibc's malloc.h
 ARENAS = 2
-KEPT_BYTES = 128 << 20  # free at the end of a heap, before it goes back to the system
+KEPT_BYTES = 64 << 20  # free at the end of a heap, before it goes back to the system
 HEAPED_BYTES = 32 << 20  # whatever is larger is asked from the system each time: whole pictures, in huge pages
 MOST_FILES = 4096  # more than it ever needs; the usual limit of 1,024 is for programs that know no more than select()
 
