@@ -34,10 +34,11 @@ class AnsweredTiles:
         return self._kept.get((island, tile), revision, make)
 
     def masks(self, revision: int) -> ReadMask:
-        """Masks of that revision or a later one, not to be modified: each is asked for by all tiles around it and below."""
+        """Masks of that revision or a later one, not to be modified: each is asked for by all tiles around it and below. It
+        raises FileNotFoundError where the flight's folder is gone: that no tile is there then is not to be kept."""
 
         def mask(root: Path, island: int, tile: Tile) -> Coverage | None:
-            return self._masks.get((island, tile), revision, partial(read_mask, root, island, tile))
+            return self._masks.get((island, tile), revision, partial(_mask, root, island, tile))
 
         return mask
 
@@ -60,6 +61,13 @@ def _painted_anew(keys: Collection[Key], change: Change) -> Collection[Key]:
     """The masks of painted tiles are spoilt, and those of all that contain these."""
     painted = change.painted or frozenset()
     return (painted | _ancestors(painted)) & set(keys)
+
+
+def _mask(root: Path, island: int, tile: Tile) -> Coverage | None:
+    found = read_mask(root, island, tile)
+    if found is None and not root.is_dir():
+        raise FileNotFoundError(root)
+    return found
 
 
 def _mask_size(mask: Coverage | None) -> int:

@@ -134,6 +134,15 @@ def test_who_knows_of_a_later_revision_gets_no_tile_made_by_an_older_mask(tmp_pa
     assert sure(kept.masks(4)(tmp_path, 0, TILE)).min() == 0
 
 
+def test_once_a_folder_that_was_gone_is_back_its_masks_are_read(tmp_path: Path) -> None:
+    kept, flight = AnsweredTiles(lambda: 0), tmp_path / "mosaic"
+    with pytest.raises(FileNotFoundError):
+        kept.masks(0)(flight, 0, TILE)
+    flight.mkdir()
+    write_tile(flight, 0, TILE, picture(256), 95)
+    assert kept.masks(0)(flight, 0, TILE) is full_coverage(256)
+
+
 def test_memory_of_masks_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(answered_tiles, "MOST_MASK_BYTES", 100_000)
     kept, tiles = AnsweredTiles(lambda: 0), [Tile(16, x, 0) for x in range(3)]
