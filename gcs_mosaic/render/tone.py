@@ -62,20 +62,16 @@ def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[W
     """
     size = window.shape[0] // 2, window.shape[1] // 2
     total, weight = np.zeros((4, *size), np.float32), np.zeros(size, np.float32)
-    # One after another: all their looks together are 6 MB a frame. In capture order, not by number: what a sum of floats comes to
-    # depends on its order.
-    seen = [
-        one for number, box in shown_boxes(first, window).items() if (one := _seen(first, window, number, box, seer))
-    ]
-    for one in sorted(seen, key=lambda one: one.turn):
+    # One frame after another: looks and lattices of all together are 6 MB a frame.
+    found = (_seen(first, window, number, box, seer) for number, box in shown_boxes(first, window).items())
+    # In capture order, not by number: what a sum of floats comes to depends on its order.
+    seen = sorted(filter(None, found), key=lambda one: one.turn)
+    for one in seen:
         place = squares(window.of(one.there))
         total[:, place[0], place[1]] += one.values * one.share
         weight[place] += one.share
     np.divide(total, weight, out=total, where=weight > 0)
-    return {
-        one.number: (one.there, _shift(total, weight, squares(window.of(one.there)), one.values))
-        for one in sorted(seen, key=lambda one: one.turn)
-    }
+    return {one.number: (one.there, _shift(total, weight, squares(window.of(one.there)), one.values)) for one in seen}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

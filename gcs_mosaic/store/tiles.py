@@ -143,17 +143,6 @@ def remove_strays(root: Path, known: Collection[TileKey]) -> None:
             remove_tile(root, island, tile)
 
 
-def read_tile(root: Path, island: int, tile: Tile, masks: ReadMask | None = None) -> TilePicture | None:
-    """A tile from disk; None if it is missing, incomplete, or not a tile."""
-    colour = _read(tile_path(root, island, tile), root, cv2.IMREAD_COLOR)
-    if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
-        return None
-    coverage = (masks or read_mask)(root, island, tile)
-    if coverage is None or coverage is full_coverage(TILE_SIZE):
-        return None if coverage is None else TilePicture(colour, coverage)
-    return TilePicture(np.asarray(cv2.copyTo(colour, coverage), dtype=np.uint8), coverage)
-
-
 def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
     """A tile's coverage from disk, `full_coverage(256)` itself if full; None as for `read_tile`."""
     path = mask_path(root, island, tile)
@@ -161,6 +150,17 @@ def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
         return full_coverage(TILE_SIZE) if inside.is_file(tile_path(root, island, tile), root) else None
     coverage = _read(path, root, cv2.IMREAD_GRAYSCALE)
     return coverage if coverage is not None and coverage.shape == (TILE_SIZE, TILE_SIZE) else None
+
+
+def read_tile(root: Path, island: int, tile: Tile, masks: ReadMask = read_mask) -> TilePicture | None:
+    """A tile from disk; None if it is missing, incomplete, or not a tile."""
+    colour = _read(tile_path(root, island, tile), root, cv2.IMREAD_COLOR)
+    if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
+        return None
+    coverage = masks(root, island, tile)
+    if coverage is None or coverage is full_coverage(TILE_SIZE):
+        return None if coverage is None else TilePicture(colour, coverage)
+    return TilePicture(np.asarray(cv2.copyTo(colour, coverage), dtype=np.uint8), coverage)
 
 
 def encode_jpeg(colour: ImageBGR, coverage: Coverage, quality: int) -> bytes:

@@ -58,9 +58,8 @@ def near_painted(keys: Collection[Key], change: Change) -> Iterator[Key]:
 
 
 def _painted_anew(keys: Collection[Key], change: Change) -> Collection[Key]:
-    """The masks of painted tiles are spoilt, and those of all that contain these."""
-    painted = change.painted or frozenset()
-    return (painted | _ancestors(painted)) & set(keys)
+    """The masks of painted tiles and of all that contain these are spoilt."""
+    return _ancestors(change.painted or frozenset()) & set(keys)
 
 
 def _mask(root: Path, island: int, tile: Tile) -> Coverage | None:

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 
 from gcs_mosaic.web.change import Change
 
-KEPT_S = 60.0  # also if nobody has told that it was painted: `check --repair` does not
+KEPT_S = 10.0  # also if nobody has told that it was painted: `check --repair` does not
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")

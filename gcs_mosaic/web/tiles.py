@@ -13,7 +13,7 @@ from typing import Annotated
 from aiohttp import web
 
 from gcs_mosaic.render.tile_grid import FINEST_LEVEL, Tile
-from gcs_mosaic.store.tiles import ReadMask, read_mask
+from gcs_mosaic.store.tiles import ReadMask
 from gcs_mosaic.views.tile_reader import EncodedTile, filled
 from gcs_mosaic.web.answered_tiles import AnsweredTiles
 from gcs_mosaic.web.api.operations import Media, Operations, Reply
@@ -65,7 +65,7 @@ async def tile(request: web.Request) -> web.StreamResponse:
     return tile_answer(request, encoded.data, encoded.media_type)
 
 
-def made(root: Path, island: int, wanted: Tile, masks: ReadMask = read_mask) -> EncodedTile | None:
+def made(root: Path, island: int, wanted: Tile, masks: ReadMask) -> EncodedTile | None:
     """As `tile_reader.filled`. Raises FileNotFoundError where the flight's folder is gone: nobody can tell then what was seen."""
     encoded = filled(root, island, wanted, masks)
     if encoded is None and not root.is_dir():

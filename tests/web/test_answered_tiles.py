@@ -93,7 +93,7 @@ def test_what_was_made_while_something_was_painted_is_not_kept() -> None:
     assert data(kept, make) == b"1"
 
 
-def test_a_tile_is_made_anew_after_a_while_whatever_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tile_is_made_anew_after_some_seconds_whatever_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     kept, make = AnsweredTiles(lambda: 0), Maker()
     data(kept, make)
     monkeypatch.setattr(recent_answers, "KEPT_S", 0.0)
