@@ -32,7 +32,7 @@ from gcs_mosaic.frames.video.watched import WatchedVideos
 from gcs_mosaic.messages import DamagedFile, Frame, Notice, OtherFile, SourceReport, Topic
 
 REPORT_EACH_S = 1.0
-AGAIN_S = 0.02  # delay of the scan after one that found a new or changed file: most are complete by then
+AGAIN_S = 0.01  # delay of the scan after one that found a new or changed file: most are complete by then
 AGAIN_SHARE, LOOKING_SHARE = 0.2, 0.1  # maximum shares of time for such scans and for all others
 
 SLICE_S = 1.0  # of reading files, before it is looked whether newer ones have come

@@ -7,6 +7,7 @@ import os
 import stat
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 from gcs_mosaic.frames.passed_over import is_preview_folder
@@ -14,10 +15,11 @@ from gcs_mosaic.frames.passed_over import is_preview_folder
 IMAGE_SUFFIXES = {".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"}
 VIDEO_SUFFIXES = {".mp4", ".m4v", ".mov", ".mkv", ".ts", ".mts", ".m2ts", ".mpg", ".mpeg", ".avi"}
 BESIDE_VIDEOS = {".srt"}  # positions, for anchors: no frames, and nothing to wonder at
-_UNFINISHED = {".part", ".tmp", ".partial", ".crdownload"}
+_UNFINISHED = (".part", ".tmp", ".partial", ".crdownload")
 LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
 # The lock is there before the ledger. One that was left in the folder of frames itself hides nothing: that folder was named.
 OURS = (LEDGER, ".gcs-mosaic.lock")
+NAMES_KEPT = 16_384  # from scan to scan, 0.5 kB each: to parse a path takes ten times as long as to look at its file
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +72,9 @@ def scan(folder: Path) -> Scan:
         how = "is gone" if error.errno in (errno.ENOENT, errno.ENOTDIR) else "cannot be read"
         found.missing = f"{how} ({error.strerror or error})"
         return found
+    start = len(os.fspath(folder / "_")) - 1
     for entry in _entries(folder, found):
-        name = shown_name(Path(entry.path).relative_to(folder))
-        suffix = Path(entry.name).suffix.lower()
+        path, name, suffix = _named(entry.path, start)
         if _is_link(entry, found):
             found.links.add(name)
         elif suffix in BESIDE_VIDEOS:
@@ -80,9 +82,16 @@ def scan(folder: Path) -> Scan:
         elif suffix not in IMAGE_SUFFIXES | VIDEO_SUFFIXES:
             found.strangers.add(shown_name(Path(suffix)) if suffix else "")
             found.others.add(name)
-        elif look := _look(entry, name, found):
+        elif look := _look(entry, path, name, found):
             (found.videos if suffix in VIDEO_SUFFIXES else found.images).append(look)
     return found
+
+
+@lru_cache(NAMES_KEPT)
+def _named(path: str, start: int) -> tuple[Path, str, str]:
+    """The path of a file, its name in the folder whose path ends at `start`, and its suffix."""
+    named = Path(path[start:])
+    return Path(path), shown_name(named), named.suffix.lower()
 
 
 def shown_name(path: Path) -> str:
@@ -98,7 +107,7 @@ def _entries(folder: Path, found: Scan) -> Iterator[os.DirEntry[str]]:
     while folders:
         within = folders.pop()
         for entry in _listing(within, found, ours=(LEDGER,) if within == named else OURS):
-            if entry.name.startswith(".") or Path(entry.name).suffix.lower() in _UNFINISHED:
+            if entry.name.startswith(".") or entry.name.lower().endswith(_UNFINISHED):
                 continue
             if not _is_folder(entry, found):
                 yield entry
@@ -142,7 +151,7 @@ def _is_folder(entry: os.DirEntry[str], found: Scan) -> bool:
         return False
 
 
-def _look(entry: os.DirEntry[str], name: str, found: Scan) -> Look | None:
+def _look(entry: os.DirEntry[str], path: Path, name: str, found: Scan) -> Look | None:
     try:
         status = entry.stat(follow_symlinks=False)
     except OSError as error:
@@ -151,7 +160,7 @@ def _look(entry: os.DirEntry[str], name: str, found: Scan) -> Look | None:
     if not stat.S_ISREG(status.st_mode):  # reading a pipe would block for ever
         return None
     return Look(
-        Path(entry.path),
+        path,
         name,
         status.st_size,
         status.st_mtime_ns,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,13 +18,14 @@ from gcs_mosaic.render.exposure import (
     bounded,
     log_gains,
     overlap_means,
+    pixels_of,
     seen_from,
 )
 from gcs_mosaic.render.light_field import LightBeside, LightField, at_places, lacking, nodes, shown_part
 from gcs_mosaic.render.render_list import RenderItem, log_compensation
 from gcs_mosaic.render.vignetting import Vignetting
 from gcs_mosaic.stitch.arrays import AnyArray, Bands, FloatRows, Levels, Mask, PointsNx2
-from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixels_from_canvas
 
 SATURATED = 65_535  # counts
 Aircraft = int | None  # None: the only one
@@ -33,30 +35,31 @@ Look = tuple[Gain, LightField | None]
 
 def overlap_of(i: RenderItem, small_i: Levels, j: RenderItem, small_j: Levels) -> OverlapMeans | None:
     """Overlap of two frames in their thumbnails (h, w, bands) in grey levels; None if empty."""
-    return overlap_means(small_i, small_j, _mapping(i, small_i, j, small_j))
+    return overlap_means(small_i, small_j, _places_in(j, small_j, i, small_i))
 
 
 def counts_overlap_of(i: RenderItem, small_i: Bands, j: RenderItem, small_j: Bands) -> CountsInOverlap | None:
     """What two frames have in common in their thumbnails (h, w, bands) of counts; None if next to nothing."""
     counts_i, counts_j = small_i.astype(np.float32), small_j.astype(np.float32)
-    _, _, seen, shared = seen_from(counts_i, counts_j, _mapping(i, counts_i, j, counts_j))
+    _, seen, shared = seen_from(counts_i, counts_j, _places_in(j, counts_j, i, counts_i))
     for counts in (counts_i, seen):
         shared &= ((counts > 0) & (counts < SATURATED)).all(axis=-1)
     return counts_in_overlap(counts_i[shared], seen[shared].astype(np.float32))
 
 
-def _mapping(i: RenderItem, small_i: Levels, j: RenderItem, small_j: Levels) -> Callable[[PointsNx2], PointsNx2]:
-    """From pixels (n, 2) of a thumbnail to those of another, NaN for nowhere."""
-    scale_i, scale_j = i.camera.width / small_i.shape[1], j.camera.width / small_j.shape[1]
+def _places_in(j: RenderItem, small_j: Levels, i: RenderItem, small_i: Levels) -> PointsNx2:
+    """Where in thumbnail j the pixels of thumbnail i are, as in `pixels_of`; NaN for nowhere."""
+    (height, width), scale_j = small_i.shape[:2], j.camera.width / small_j.shape[1]
+    there = (pixels_from_canvas(j.pose, j.camera, _on_canvas(i.pose, i.camera, width, height)) + 0.5) / scale_j - 0.5
+    alive = _is_alive(i, i.camera.width / width, pixels_of(width, height), small_i)
+    alive &= _is_alive(j, scale_j, there, small_j)
+    return np.where(alive[:, None], there, np.nan)
 
-    def j_from_i(pixels: PointsNx2) -> PointsNx2:
-        places = canvas_from_pixels(i.pose, i.camera, (pixels + 0.5) * scale_i - 0.5)
-        there = (pixels_from_canvas(j.pose, j.camera, places) + 0.5) / scale_j - 0.5
-        alive = _is_alive(i, scale_i, pixels, small_i)
-        alive &= _is_alive(j, scale_j, there, small_j)
-        return np.where(alive[:, None], there, np.nan)
 
-    return j_from_i
+@lru_cache(1)  # a new frame is compared with each around it
+def _on_canvas(pose: Pose, camera: Camera, width: int, height: int) -> PointsNx2:
+    """Canvas places of the pixels of a frame's thumbnail, as in `pixels_of`."""
+    return canvas_from_pixels(pose, camera, (pixels_of(width, height) + 0.5) * (camera.width / width) - 0.5)
 
 
 def _is_alive(painted: RenderItem, scale: float, pixels: PointsNx2, thumbnail: Levels) -> Mask:

@@ -11,8 +11,9 @@ Features", IJCV 74(1), 2007, section 6). Each channel has its own gain because a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -98,16 +99,17 @@ class OverlapMeans:
 Observation = tuple[int, int, OverlapMeans]  # frame i, frame j, their overlap
 
 
-def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx2], PointsNx2]) -> OverlapMeans | None:
+def overlap_means(small_i: Levels, small_j: Levels, places: PointsNx2) -> OverlapMeans | None:
     """Means over the overlap of two thumbnails (h, w, bands) in grey levels; None if their bands differ or no unclipped pixels
     are shared.
 
-    `j_from_i` maps pixels (n, 2) of thumbnail i to pixels of thumbnail j, NaN for nowhere.
+    `places`: where the pixels of thumbnail i, as in `pixels_of`, are in thumbnail j; NaN for nowhere.
     """
     if small_i.shape[2] != small_j.shape[2]:
         return None
     height, width = small_i.shape[:2]
-    grid, there, seen_from_i, usable = seen_from(small_i, small_j, j_from_i)
+    grid = pixels_of(width, height).reshape(height, width, 2)
+    there, seen_from_i, usable = seen_from(small_i, small_j, places)
     usable &= _unclipped(small_i) & _unclipped(seen_from_i)
     if not usable.any():
         return None
@@ -123,17 +125,22 @@ def overlap_means(small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx
     return OverlapMeans(_mean(small_i[usable]), _mean(seen_from_i[usable]), int(usable.sum()), sums, light)
 
 
-def seen_from(
-    small_i: Levels, small_j: Levels, j_from_i: Callable[[PointsNx2], PointsNx2]
-) -> tuple[PointsNx2, FloatImage, Levels, Mask]:
-    """Of each pixel of thumbnail i (h, w, ...): where it is, where that is in thumbnail j, what j shows there, and whether it
-    does."""
+@lru_cache(4)  # of one camera's thumbnails they are the same
+def pixels_of(width: int, height: int) -> PointsNx2:
+    """The pixels (h * w, 2) of a picture, row by row."""
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64).reshape(-1, 2)
+    pixels.flags.writeable = False
+    return pixels
+
+
+def seen_from(small_i: Levels, small_j: Levels, places: PointsNx2) -> tuple[FloatImage, Levels, Mask]:
+    """Of each pixel of thumbnail i (h, w, ...): where it is in thumbnail j, what j shows there, and whether it does; `places` as
+    in `overlap_means`."""
     height, width = small_i.shape[:2]
-    grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
-    there = np.nan_to_num(j_from_i(grid.reshape(-1, 2)).reshape(height, width, 2), nan=-1e4).astype(np.float32)
+    there = np.nan_to_num(places.reshape(height, width, 2), nan=-1e4).astype(np.float32)
     limits = np.array([small_j.shape[1], small_j.shape[0]]) - 1
     inside = np.asarray(((there >= 0) & (there <= limits)).all(axis=-1))
-    return grid, there, warped(small_j, there, cv2.INTER_LINEAR), inside
+    return there, warped(small_j, there, cv2.INTER_LINEAR), inside
 
 
 def log_gains(

@@ -16,6 +16,7 @@ from gcs_mosaic.render.exposure import (
     is_false_colour,
     log_gains,
     overlap_means,
+    pixels_of,
     rolled_off,
 )
 from gcs_mosaic.stitch.arrays import Vector
@@ -106,20 +107,20 @@ def test_gains_stay_within_their_bounds(ratio: float) -> None:
 
 def test_means_are_those_of_the_common_ground() -> None:
     ground = np.random.default_rng(3).integers(40, 200, (80, 180, 3), dtype=np.uint8)
-    means = sure(overlap_means(ground[:, :100], ground[:, 60:160] // 2, lambda pixels: pixels - [60, 0]))
+    means = sure(overlap_means(ground[:, :100], ground[:, 60:160] // 2, pixels_of(100, len(ground)) - [60, 0]))
     assert means.count == 40 * 80
     assert means.mean_i == pytest.approx(ground[:, 60:100].reshape(-1, 3).mean(axis=0), abs=1)
     assert means.mean_j == pytest.approx(np.array(means.mean_i) / 2, abs=0.6)
 
 
 def test_clipped_pixels_do_not_count_and_no_overlap_is_none() -> None:
-    grey = np.full((50, 60, 3), 100, np.uint8)
+    grey, pixels = np.full((50, 60, 3), 100, np.uint8), pixels_of(60, 50)
     burnt = grey.copy()
     burnt[:25] = 255
-    assert sure(overlap_means(grey, burnt, lambda pixels: pixels)).mean_j == (100.0,) * 3
-    assert overlap_means(grey, np.full_like(grey, 255), lambda pixels: pixels) is None
-    assert overlap_means(grey, grey, lambda pixels: pixels + 1000) is None
-    assert overlap_means(grey, grey, lambda pixels: pixels * np.nan) is None
+    assert sure(overlap_means(grey, burnt, pixels)).mean_j == (100.0,) * 3
+    assert overlap_means(grey, np.full_like(grey, 255), pixels) is None
+    assert overlap_means(grey, grey, pixels + 1000) is None
+    assert overlap_means(grey, grey, pixels * np.nan) is None
 
 
 def test_a_gain_multiplies_and_rolls_off_what_it_would_blow() -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gcs_mosaic.render.exposure import OverlapMeans, overlap_means
+from gcs_mosaic.render.exposure import OverlapMeans, overlap_means, pixels_of
 from gcs_mosaic.render.vignetting import (
     FLAT,
     OUTWARDS,
@@ -29,7 +29,7 @@ def seen(ground: np.ndarray, x: int, y: int, exposure: float, curves: Vignetting
 
 def means_of(one: np.ndarray, other: np.ndarray, by: tuple[int, int]) -> OverlapMeans:
     """Of two pictures, the second of which begins so many pixels farther to the right and below."""
-    return sure(overlap_means(one, other, lambda pixels: pixels - by))
+    return sure(overlap_means(one, other, pixels_of(*one.shape[1::-1]) - by))
 
 
 def estimate(curves: Vignetting, steps: list[tuple[int, int]]) -> VignettingEstimate:

@@ -220,8 +220,7 @@ class _Daemon:
     def run(self, inputs: Iterable[ItemSource]) -> None:
         """Take in what these bring until stopped, then finish."""
         requests = OperatorRequests(self._pipeline.store.out, self._links.choice, self.say)
-        keep = self._pipeline.store.keep_ahead
-        self._inbox.fill([keeping(source, keep) for source in inputs])
+        self._inbox.fill([keeping(source, self._keep) for source in inputs])
         self._driver.save()  # so that a reader finds a map from the start, even if an empty one
         self._pipeline.checkpoint(at_once=True)  # and that this is known to be a flight that can be resumed
         self._manager.ready()
@@ -252,6 +251,12 @@ class _Daemon:
 
     # Input
 
+    def _keep(self, found: Frame) -> Frame:
+        """Keep the original of a frame that goes to the inbox, and begin to prepare it; on its source's thread."""
+        kept = self._pipeline.store.keep_ahead(found)
+        self._preparation.expect(kept)
+        return kept
+
     def _take_in(self, timeout_s: float) -> None:
         """Take items from the inbox while there is time; waits for the first one if it is empty."""
         until = time.monotonic() + TAKE_IN_S
@@ -267,11 +272,13 @@ class _Daemon:
                 self._event_log.message(item, event.received)
             case Frame():
                 self._take_frame(item)
+                self._preparation.forget_expected(item)
             case DamagedFile():
                 self._driver.accept(item)
                 self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
             case DroppedFrame():
                 self._driver.accept(item)
+                self._preparation.forget_expected(item.frame)
                 self.say(Notice(source="frames", level="warning", text=f"{item.frame.name} is dropped: {item.reason}"))
             case OtherFile():
                 self._pipeline.store.accept_other(item)

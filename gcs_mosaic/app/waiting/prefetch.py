@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Protocol
@@ -128,13 +129,13 @@ def thumbnail(image: Bands) -> Bands:
     if image.shape[1] <= THUMBNAIL_WIDTH:
         return image
     height = max(1, round(image.shape[0] * THUMBNAIL_WIDTH / image.shape[1]))
-    if image.shape[1] >= 4 * THUMBNAIL_WIDTH:  # OpenCV halves ten times as fast as it resizes to any other size
+    while image.shape[1] >= 4 * THUMBNAIL_WIDTH:  # OpenCV halves ten times as fast as it resizes to any other size
         image = resized(image, (image.shape[1] // 2, max(1, image.shape[0] // 2)))
     return resized(image, (THUMBNAIL_WIDTH, height))
 
 
 class Preparation:
-    """Queue of frames, of which the next few are prepared ahead. For use by one thread.
+    """Queue of frames, of which the next few are prepared ahead. For use by one thread, but for `expect`.
 
     `turns` sets the order, by default that of arrival; `woken()` is called, from any thread, when a frame is ready; `at_once`:
     how many are prepared or ready at a time, at most AHEAD.
@@ -161,6 +162,9 @@ class Preparation:
         self._waiting: dict[int, Frame] = {}  # in order of arrival
         self._ahead: dict[int, Future[DecodedFrame | UndecodableFrame]] = {}
         self._features: dict[int, Features] = {}  # of frames that were ready when another one took precedence
+        self._expected: tuple[str, Future[DecodedFrame | UndecodableFrame]] | None = None  # by its hash
+        self._early: dict[int, Future[DecodedFrame | UndecodableFrame]] = {}  # begun before they were queued
+        self._at_work = False  # on the last one taken
         self._orders: dict[str, int] = {}  # of frames already taken, by name
         self._image_bytes = 0  # of the last one taken
 
@@ -182,12 +186,29 @@ class Preparation:
         """The queued frames, in order of arrival."""
         return list(self._waiting.values())
 
+    def expect(self, frame: Frame) -> None:
+        """Begin to prepare a frame that may follow by `append`, unless others come before it; callable from any thread.
+
+        The thread that queues it may first have to end a step of painting, or write to a ledger. While it is at work on a frame,
+        nothing is begun: by the end of that a newer one may be there.
+        """
+        if self._expected is None and not (self._at_work or self._waiting or self._ahead):
+            with suppress(RuntimeError):  # closed
+                self._expected = frame.content_hash, self._prepared(frame)
+
+    def forget_expected(self, frame: Frame) -> None:
+        """This frame has been queued, or will not be."""
+        if self._expected is not None and self._expected[0] == frame.content_hash:
+            self._expected = None
+
     def append(self, frame: Frame) -> None:
         """Queue a frame that arrived after all before it; call `begin` or `next` afterwards."""
         number = next(self._numbers)
         if len(self._waiting) > AHEAD and frame.path.is_file():
             frame = replace(frame, data=None)  # it will wait for long, and can be read again
         self._waiting[number] = frame
+        if self._expected is not None and self._expected[0] == frame.content_hash:
+            self._early[number] = self._expected[1]
         self._turns.add(number, frame.vehicle)
 
     def withdraw(self, name: str) -> bool:
@@ -197,8 +218,8 @@ class Preparation:
             return False
         self._turns.remove(number)
         del self._waiting[number]
-        self._ahead.pop(number, None)
-        self._features.pop(number, None)
+        for begun in (self._ahead, self._early, self._features):
+            begun.pop(number, None)
         return True
 
     def next(self) -> DecodedFrame | UndecodableFrame | None:
@@ -209,8 +230,9 @@ class Preparation:
         while (number := self._next()) is None:
             self._wait_for_any(None)
         prepared = self._ahead[number].result()
+        prepared, self._at_work = replace(prepared, frame=self._waiting.pop(number)), True
         self._turns.remove(number)
-        self._orders[self._waiting.pop(number).name] = number
+        self._orders[prepared.frame.name] = number
         self._ahead.pop(number)
         self._features.pop(number, None)
         if isinstance(prepared, DecodedFrame):
@@ -222,6 +244,7 @@ class Preparation:
         """Report the outcome of the last taken frame: the frames placed with it, or that it has no match."""
         found = [self._orders[other] for other in on_map if other in self._orders]
         self._turns.processed(self._orders[name], found, waits=waits)
+        self._at_work = False
 
     def begin(self) -> None:
         """Start preparing the next frames of all queued; at most `at_once` images are in memory or being loaded, one if large."""
@@ -271,9 +294,13 @@ class Preparation:
         return len(self._ahead) < most
 
     def _begin(self, number: int) -> None:
-        given = self._waiting[number], self._find, self._reduction, self._least_pixels, self._features.get(number)
-        self._ahead[number] = self._pool.submit(prepare, *given, load=self._decoders.load_frame)
+        early = self._early.pop(number, None)
+        self._ahead[number] = early or self._prepared(self._waiting[number], self._features.get(number))
         self._ahead[number].add_done_callback(lambda _: self._woken())
+
+    def _prepared(self, frame: Frame, known: Features | None = None) -> Future[DecodedFrame | UndecodableFrame]:
+        given = frame, self._find, self._reduction, self._least_pixels, known
+        return self._pool.submit(prepare, *given, load=self._decoders.load_frame)
 
 
 def one_after_another(preparation: Preparation, frames: Iterator[Frame]) -> Iterator[DecodedFrame | UndecodableFrame]:

@@ -7,10 +7,12 @@ they see the same ground as this frame, at similar resolution, some match must c
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Counts, Mask, PointsNx2
+from gcs_mosaic.stitch.arrays import Counts, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.geometry import (
     Camera,
     Pose,
@@ -49,17 +51,15 @@ ENOUGH_CELLS = 6
 
 def _matched_before_by_any(graph: ViewGraph, frame: int, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
     """Cells (ROWS * COLUMNS,) where others have features matched with frames other than this one, at similar resolution."""
-    counts = np.zeros(ROWS * COLUMNS, np.intp)
+    cells = _Cells.of(pose, camera)
+    found = np.zeros(ROWS * COLUMNS, bool)
     for other in others:
         view = graph.pose_of(other), graph.camera_of(other)
         pixels = graph.frames[other].features.points[graph.matched_before(other, but=frame)].astype(np.float64)
-        places = pixels_from_canvas(pose, camera, canvas_from_pixels(*view, pixels))
-        with np.errstate(invalid="ignore"):
-            inside = ((places >= 0) & (places < [camera.width, camera.height])).all(axis=1)
-        ratio = ground_sampling_distance(*view, pixels[inside]) / ground_sampling_distance(pose, camera, places[inside])
-        alike = (ratio < SHARPER) & (ratio > 1 / SHARPER)
-        counts = np.maximum(counts, _counts(places[inside][alike], camera))
-    return np.asarray(counts >= COMPARABLE)
+        there = pixels_from_canvas(pose, camera, canvas_from_pixels(*view, pixels))
+        counts = _counts(there[_inside(there, camera)], camera)
+        found |= (counts >= COMPARABLE) & cells.alike(view, pixels_from_canvas(*view, cells.places))
+    return found
 
 
 def _full_cells(graph: ViewGraph, frame: int, camera: Camera) -> Mask:
@@ -75,17 +75,36 @@ def _counts(pixels: PointsNx2, camera: Camera) -> Counts:
 
 def _seen_by_any(graph: ViewGraph, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
     """Cells (ROWS * COLUMNS,) whose centre another frame sees at similar resolution."""
-    half_cell = np.array([camera.width / COLUMNS, camera.height / ROWS]) / 2
-    inner = Camera(camera.width, camera.height)
-    middles = half_cell - 0.5 + pixel_grid(inner, COLUMNS, ROWS) * (1 - np.array([1 / COLUMNS, 1 / ROWS]))
-    places = canvas_from_pixels(pose, camera, middles)
-    own = ground_sampling_distance(pose, camera, middles)
-    seen = np.zeros(len(middles), bool)
+    cells = _Cells.of(pose, camera)
+    seen = np.zeros(ROWS * COLUMNS, bool)
     for other in others:
         view = graph.pose_of(other), graph.camera_of(other)
-        pixels = pixels_from_canvas(*view, places)
-        with np.errstate(invalid="ignore"):
-            inside = ((pixels >= 0) & (pixels < [view[1].width, view[1].height])).all(axis=1)
-            ratio = ground_sampling_distance(*view, pixels) / own
-            seen |= inside & (ratio < SHARPER) & (ratio > 1 / SHARPER)
+        pixels = pixels_from_canvas(*view, cells.places)
+        seen |= _inside(pixels, view[1]) & cells.alike(view, pixels)
     return seen
+
+
+def _inside(pixels: PointsNx2, camera: Camera) -> Mask:
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class _Cells:
+    """The centres of a frame's cells on the canvas (ROWS * COLUMNS, 2), and the ground sampling distance there."""
+
+    places: PointsNx2
+    resolution: Vector
+
+    @classmethod
+    def of(cls, pose: Pose, camera: Camera) -> Self:
+        half_cell = np.array([camera.width / COLUMNS, camera.height / ROWS]) / 2
+        inner = Camera(camera.width, camera.height)
+        middles = half_cell - 0.5 + pixel_grid(inner, COLUMNS, ROWS) * (1 - np.array([1 / COLUMNS, 1 / ROWS]))
+        return cls(canvas_from_pixels(pose, camera, middles), ground_sampling_distance(pose, camera, middles))
+
+    def alike(self, view: tuple[Pose, Camera], pixels: PointsNx2) -> Mask:
+        """Where another frame, which has the centres at these pixels, sees at similar resolution."""
+        with np.errstate(invalid="ignore"):
+            ratio = ground_sampling_distance(*view, pixels) / self.resolution
+            return np.asarray((ratio < SHARPER) & (ratio > 1 / SHARPER))

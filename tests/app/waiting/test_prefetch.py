@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -127,6 +128,44 @@ def test_of_large_pictures_one_at_most_waits(preparation: Preparation, monkeypat
         if len(taken) > 2:  # until one is taken nobody knows how large they are
             assert len(preparation._ahead) <= 1
     assert sorted(taken) == [f"{number}.jpg" for number in range(8)]
+
+
+def test_what_is_expected_is_begun_before_it_is_queued_and_only_if_nothing_else_is(preparation: Preparation) -> None:
+    preparation.expect(frame(1))
+    preparation.expect(frame(2))
+    assert preparation._expected is not None
+    begun = preparation._expected[1]
+    preparation.append(frame(1))
+    preparation.forget_expected(frame(1))
+    preparation.expect(frame(3))
+    assert preparation._expected is None
+    assert begun.result() is not None
+    assert preparation.is_ready
+    prepared = preparation.next()
+    assert isinstance(prepared, DecodedFrame)
+    assert prepared.image is cast("DecodedFrame", begun.result()).image
+    preparation.expect(frame(4))  # at work on a frame: by its end a newer one may be there
+    assert preparation._expected is None
+    preparation.processed(prepared.frame.name, [prepared.frame.name], waits=False)
+    preparation.expect(frame(4))
+    assert preparation._expected is not None
+
+
+def test_a_frame_is_taken_as_it_was_queued_and_what_was_expected_in_vain_is_let_go(preparation: Preparation) -> None:
+    preparation.expect(frame(1))
+    kept = replace(frame(1), path=Path("originals/1.jpg"))
+    preparation.append(kept)
+    preparation.forget_expected(frame(1))
+    prepared = preparation.next()
+    assert prepared is not None
+    assert prepared.frame is kept
+    preparation.processed(kept.name, [], waits=True)
+    preparation.expect(frame(2))
+    preparation.forget_expected(frame(2))  # it was a duplicate
+    preparation.append(frame(3))
+    assert taken_of(preparation) == 3
+    preparation.close()
+    preparation.expect(frame(4))  # its source has not ended yet
 
 
 def test_a_picture_of_one_row_has_a_thumbnail() -> None:
