@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gcs_mosaic.store.status import STATUS_NAME
 from sitl.__main__ import free_port
 from sitl.messages import Capture
 from sitl.vehicle import Vehicle
@@ -30,11 +31,13 @@ DONE = re.compile(r"^(\S+) INFO \S+ gcs_mosaic\.app\.live\.daemon: (.+): [\d.]+ 
 @dataclass
 class FlownLive:
     """Moments are seconds since 1970. `whole`: when each file was whole in the watched folder; `done`: when the last tile, and
-    all that is told of a frame, was on the disk; `end_s`: from Ctrl-C to the end of the program, its final map complete."""
+    all that is told of a frame, was on the disk; `final_s`, `end_s`: from Ctrl-C to the final map with all that is told of it,
+    and to the end of the program, which leaves open pages two seconds to read that."""
 
     out: Path
     whole: dict[str, float] = field(default_factory=dict)
     done: dict[str, float] = field(default_factory=dict)
+    final_s: float = 0.0
     end_s: float = 0.0
     cpu_s: float = 0.0
     wall_s: float = 0.0
@@ -89,7 +92,9 @@ def fly(
         until(lambda: all_done(flown, vehicle), process, most_s=1800.0)
         flown.wall_s, flown.cpu_s = time.monotonic() - start, watched.cpu_s
         flown.done = finished(flown)
+        interrupted = time.time()
         flown.end_s = ended(process)
+        flown.final_s = (flown.out / STATUS_NAME).stat().st_mtime - interrupted
         flown.resident_mb, flown.largest_mb = watched.resident_mb, watched.largest_mb
     return flown
 

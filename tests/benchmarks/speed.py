@@ -150,7 +150,7 @@ def starts(task: Task) -> Iterator[str]:
 def ending(flown: FlownLive) -> Iterator[str]:
     cores = flown.cpu_s / flown.wall_s
     memory = f"{flown.resident_mb:.0f} MB resident, {flown.largest_mb:.0f} of them the largest process"
-    yield f"{cores:.2f} cores, {memory}; final map {flown.end_s:.1f} s after Ctrl-C"
+    yield f"{cores:.2f} cores, {memory}; final map {flown.final_s:.1f} s after Ctrl-C, ended after {flown.end_s:.1f} s"
 
 
 def floor_words(floor: Floor) -> str:
