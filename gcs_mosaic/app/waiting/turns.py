@@ -13,7 +13,7 @@ CORES_EACH = 2  # one prepares a frame, another places and paints the one before
 
 
 def prepared_at_once(cores: int) -> int:
-    """How many frames of several aircraft so many cores can prepare at a time, at most AHEAD, beside those that are placed."""
+    """How many frames so many cores can prepare at a time, at most AHEAD, beside those that are placed."""
     return min(AHEAD, max(1, cores // CORES_EACH))
 
 
