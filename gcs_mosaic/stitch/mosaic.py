@@ -57,7 +57,7 @@ class StitchSettings:
     adjustment: AdjustmentSettings = field(default_factory=AdjustmentSettings)
     upkeep: UpkeepSettings = field(default_factory=UpkeepSettings)
     second_look: SecondLookSettings = field(default_factory=SecondLookSettings)
-    memory_mb: int = 64  # features kept in memory, of some 300 frames; the others go to a scratch file
+    memory_mb: int = 64  # features kept in memory, of some 150 to 250 frames; the others go to a scratch file
 
 
 class Mosaic(Kept):
