@@ -249,6 +249,8 @@ class Preparation:
     def begin(self) -> None:
         """Start preparing the next frames of all queued; at most `at_once` images are in memory or being loaded, one if large."""
         soon = self._turns.soon()
+        for number in [one for one, early in self._early.items() if one not in soon[:1] and early.done()]:
+            self._put_back(number, self._early.pop(number).result())
         for place, number in enumerate(soon):
             if number not in self._ahead and self._made_room(soon, place):
                 self._begin(number)
@@ -288,10 +290,13 @@ class Preparation:
         most = self._at_once if AHEAD * self._image_bytes <= MOST_AHEAD_BYTES else 1
         for number in sorted(ready, key=lambda one: soon.index(one) if one in soon else len(soon), reverse=True):
             if len(self._ahead) >= most and number not in soon[:place] and number != turn:
-                prepared = self._ahead.pop(number).result()
-                if isinstance(prepared, DecodedFrame):
-                    self._features[number] = prepared.features
+                self._put_back(number, self._ahead.pop(number).result())
         return len(self._ahead) < most
+
+    def _put_back(self, number: int, prepared: DecodedFrame | UndecodableFrame) -> None:
+        """Another frame comes first: its image is let go."""
+        if isinstance(prepared, DecodedFrame):
+            self._features[number] = prepared.features
 
     def _begin(self, number: int) -> None:
         early = self._early.pop(number, None)

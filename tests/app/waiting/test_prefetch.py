@@ -168,5 +168,16 @@ def test_a_frame_is_taken_as_it_was_queued_and_what_was_expected_in_vain_is_let_
     preparation.expect(frame(4))  # its source has not ended yet
 
 
+def test_of_what_was_begun_and_is_not_next_only_the_features_stay(preparation: Preparation) -> None:
+    preparation.expect(frame(1))
+    preparation.append(frame(1))
+    preparation.append(frame(2))
+    preparation._early[0].result()
+    preparation.begin()
+    assert not preparation._early
+    assert 0 in preparation._features
+    assert [taken_of(preparation) for _ in range(2)] == [2, 1]
+
+
 def test_a_picture_of_one_row_has_a_thumbnail() -> None:
     assert thumbnail(np.zeros((1, 5000, 3), np.uint8)).shape == (1, THUMBNAIL_WIDTH, 3)
