@@ -203,7 +203,8 @@ def answer_of(url: str, process: subprocess.Popen[str]) -> tuple[int, bytes]:
             with urllib.request.urlopen(url, timeout=15) as answer:
                 return described(url, answer.status, answer)
         except urllib.error.HTTPError as error:
-            return described(url, error.code, error)
+            with error:
+                return described(url, error.code, error)
         except urllib.error.URLError:
             assert time.monotonic() < until, "it does not begin to serve"
             time.sleep(0.2)

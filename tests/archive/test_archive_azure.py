@@ -64,7 +64,8 @@ def emulated(azurite: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def serves(address: str) -> bool:
     try:
         urlopen(address, timeout=10).close()
-    except HTTPError:  # to a request without a key
+    except HTTPError as refused:  # to a request without a key
+        refused.close()
         return True
     except OSError:
         return False

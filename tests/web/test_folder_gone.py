@@ -29,7 +29,8 @@ def test_it_is_an_alarm_until_it_is_back(page: Page, url: str, flight: SmallFlig
     assert page.evaluate("document.querySelectorAll('.leaflet-tile-loaded img').length > 0"), "what was shown stays"
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(f"{url}tiles/0/16/{MIDDLE + 5}/{MIDDLE}.jpg", timeout=20)
-    assert refused.value.code == 503
+    with refused.value as answer:
+        assert answer.code == 503
     elsewhere.rename(flight.root)
     if is_live:
         flight.status()

@@ -59,7 +59,8 @@ def ask(url: str, **asked: object) -> dict[str, Any]:
 def refusal(url: str, **asked: object) -> tuple[int, str]:
     with pytest.raises(HTTPError) as caught:
         ask(url, **asked)
-    return caught.value.code, caught.value.read().decode()
+    with caught.value as refused:
+        return refused.code, refused.read().decode()
 
 
 def tile(url: str, x: int, y: int, **asked: object) -> tuple[str, bytes]:
@@ -96,7 +97,8 @@ def test_what_cannot_be_is_refused(url: str, flown: Path) -> None:
     for path in (f"0/{LEVEL}/99999/1.webp", f"0/{LEVEL}/1/1.webp?height=7", "0/30/1/1.webp"):
         with pytest.raises(HTTPError) as caught:
             urlopen(f"{url}/api/v1/ground/{path}", timeout=60)
-        assert caught.value.code in (400, 404)
+        with caught.value as refused:
+            assert refused.code in (400, 404)
     assert ask(url, **asked | {"left": 9, "right": 3})["parts"] == []
 
 

@@ -57,7 +57,8 @@ def ask(url: str, island: int, **asked: object) -> dict[str, Any]:
 def refusal(url: str, island: int, **asked: object) -> tuple[int, str]:
     with pytest.raises(HTTPError) as caught:
         ask(url, island, **asked)
-    return caught.value.code, caught.value.read().decode()
+    with caught.value as refused:
+        return refused.code, refused.read().decode()
 
 
 def test_a_click_alone_is_in_focus_at_the_ground(url: str, flown: Path) -> None:

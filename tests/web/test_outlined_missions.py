@@ -36,7 +36,8 @@ def told(url: str, path: str, **asked: object) -> Any:
 def refused(url: str, path: str, **asked: object) -> tuple[int, str]:
     with pytest.raises(HTTPError) as caught:
         told(url, path, **asked)
-    return caught.value.code, caught.value.read().decode()
+    with caught.value as answer:
+        return answer.code, answer.read().decode()
 
 
 def outlined(corners: np.ndarray) -> str:
