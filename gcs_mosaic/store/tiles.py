@@ -148,16 +148,22 @@ def read_mask(root: Path, island: int, tile: Tile) -> Coverage | None:
     path = mask_path(root, island, tile)
     if not inside.exists(path, root):
         return full_coverage(TILE_SIZE) if inside.is_file(tile_path(root, island, tile), root) else None
-    coverage = _read(path, root, cv2.IMREAD_GRAYSCALE)
+    coverage = _decoded(tile_bytes(path, root), cv2.IMREAD_GRAYSCALE)
     return coverage if coverage is not None and coverage.shape == (TILE_SIZE, TILE_SIZE) else None
 
 
 def read_tile(root: Path, island: int, tile: Tile, masks: ReadMask = read_mask) -> TilePicture | None:
     """A tile from disk; None if it is missing, incomplete, or not a tile."""
-    colour = _read(tile_path(root, island, tile), root, cv2.IMREAD_COLOR)
+    data = tile_bytes(tile_path(root, island, tile), root)
+    return None if data is None else decoded_tile(data, lambda: masks(root, island, tile))
+
+
+def decoded_tile(data: bytes, mask: Callable[[], Coverage | None]) -> TilePicture | None:
+    """A tile from its bytes, and its coverage as of `read_mask`; None as for `read_tile`."""
+    colour = _decoded(data, cv2.IMREAD_COLOR)
     if colour is None or colour.shape != (TILE_SIZE, TILE_SIZE, 3):
         return None
-    coverage = masks(root, island, tile)
+    coverage = mask()
     if coverage is None or coverage is full_coverage(TILE_SIZE):
         return None if coverage is None else TilePicture(colour, coverage)
     return TilePicture(np.asarray(cv2.copyTo(colour, coverage), dtype=np.uint8), coverage)
@@ -216,9 +222,8 @@ def tile_bytes(path: Path, root: Path) -> bytes | None:
         return None
 
 
-def _read(path: Path, root: Path, flags: int) -> AnyImage | None:
-    """Read here and decoded from memory, because OpenCV prints about missing files to the terminal."""
-    data = tile_bytes(path, root)
+def _decoded(data: bytes | None, flags: int) -> AnyImage | None:
+    """From memory, because OpenCV prints about missing files to the terminal."""
     if not data or not is_tile_sized(data):
         return None
     image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)

@@ -7,7 +7,7 @@ invalid tile counts as unseen.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -17,35 +17,43 @@ from gcs_mosaic.render.tile_cache import full_coverage
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Box, Tile, level_from_canvas, pixel_size, tiles_over
 from gcs_mosaic.stitch.arrays import ImageBGRA
 from gcs_mosaic.store.tile_header import is_tile_sized
-from gcs_mosaic.store.tiles import ReadMask, encode, encode_jpeg, read_mask, tile_bytes, tile_path
+from gcs_mosaic.store.tiles import ReadMask, encode, encode_jpeg, read_mask
 from gcs_mosaic.views.hole_filling import WrittenTiles, fade, filled_picture
+from gcs_mosaic.views.noted_tiles import NotedTiles, Notes
 
 FILLED_QUALITY = 90  # JPEG and WebP; tiles made here are displayed and discarded
 
 
 @dataclass(frozen=True, slots=True)
 class EncodedTile:
+    """`made_of`: what was read for it, where that is known."""
+
     data: bytes
     media_type: str
+    made_of: Notes = field(default_factory=Notes, compare=False)
 
 
-def filled(root: Path, island: int, tile: Tile, masks: ReadMask = read_mask) -> EncodedTile | None:
-    """A tile for display; None where nothing was seen at any level.
+def filled(
+    root: Path, island: int, tile: Tile, masks: ReadMask = read_mask, before: EncodedTile | None = None
+) -> EncodedTile | None:
+    """A tile for display, the one of `before` if all is as it was then; None where nothing was seen at any level.
 
     JPEG if there are no holes (a full tile's bytes are passed on unchanged), else WebP with alpha: a tenth of the
     size of PNG for three times its time (4 ms).
     """
-    tiles = WrittenTiles(root, island, masks)
+    tiles = NotedTiles(root, island, masks)
+    if before is not None and before.made_of and tiles.are_as(before.made_of):
+        return before
     straight = _full_tile(tiles, tile)
     if straight is not None:
-        return EncodedTile(straight, "image/jpeg")
+        return EncodedTile(straight, "image/jpeg", tiles.notes())
     picture = filled_picture(tiles, tile)
     if picture is None:
         return None
     if int(picture.coverage.min()) == 255:
-        return EncodedTile(encode_jpeg(picture.colour, picture.coverage, FILLED_QUALITY), "image/jpeg")
+        return EncodedTile(encode_jpeg(picture.colour, picture.coverage, FILLED_QUALITY), "image/jpeg", tiles.notes())
     bgra = np.dstack([picture.colour, picture.coverage])
-    return EncodedTile(encode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, FILLED_QUALITY]), "image/webp")
+    return EncodedTile(encode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, FILLED_QUALITY]), "image/webp", tiles.notes())
 
 
 def picture(root: Path, island: int, bounds: Box, level: int) -> ImageBGRA:
@@ -82,10 +90,10 @@ def level_within(bounds: Box, most_pixels: int, finest: int) -> int:
     return level
 
 
-def _full_tile(tiles: WrittenTiles, tile: Tile) -> bytes | None:
+def _full_tile(tiles: NotedTiles, tile: Tile) -> bytes | None:
     if tiles.mask(tile) is not full_coverage(TILE_SIZE):
         return None
-    data = tile_bytes(tile_path(tiles.root, tiles.island, tile), tiles.root)
+    data = tiles.data(tile)
     if data is None or not is_tile_sized(data):
         return None
     return None if fade(tiles, tile) is not None else data

@@ -1,4 +1,7 @@
-"""Tiles of the canvas that were asked for, kept until something near them is painted, and the masks they were made by."""
+"""Tiles of the canvas that were asked for, kept until something near them is painted, and the masks they were made by.
+
+Most of what is painted near a tile changes nothing of it: one that was kept is looked at, and made anew if it is not the same.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,8 @@ from gcs_mosaic.web.recent_answers import RecentAnswers
 MOST_BYTES = 48 << 20
 MOST_MASK_BYTES = 24 << 20  # of some 370 tiles that are not full
 EACH_BYTES = 500  # of one without data
+NOTE_BYTES = 350  # of one note
+Make = Callable[[EncodedTile | None], EncodedTile | None]  # given what was kept before
 Key = tuple[int, Tile]  # island, tile
 
 
@@ -24,14 +29,17 @@ class AnsweredTiles:
     """Thread-safe."""
 
     def __init__(self, revision: Callable[[], int]) -> None:
-        self._kept: RecentAnswers[Key, EncodedTile | None] = RecentAnswers(revision, _size, MOST_BYTES, near_painted)
+        self._kept: RecentAnswers[Key, EncodedTile | None] = RecentAnswers(
+            revision, _size, MOST_BYTES, near_painted, keeps_spoilt=True
+        )
         self._masks: RecentAnswers[Key, Coverage | None] = RecentAnswers(
             revision, _mask_size, MOST_MASK_BYTES, _painted_anew
         )
 
-    def get(self, island: int, tile: Tile, revision: int, make: Callable[[], EncodedTile | None]) -> EncodedTile | None:
+    def get(self, island: int, tile: Tile, revision: int, make: Make) -> EncodedTile | None:
         """The tile as it is kept, if it is of that revision or a later one, else as `make` makes it; None: nothing was seen."""
-        return self._kept.get((island, tile), revision, make)
+        key = island, tile
+        return self._kept.get(key, revision, lambda: make(self._kept.earlier(key)))
 
     def masks(self, revision: int) -> ReadMask:
         """Masks of that revision or a later one, not to be modified: each is asked for by all tiles around it and below. It
@@ -74,7 +82,7 @@ def _mask_size(mask: Coverage | None) -> int:
 
 
 def _size(made: EncodedTile | None) -> int:
-    return EACH_BYTES + (len(made.data) if made else 0)
+    return EACH_BYTES + (len(made.data) + NOTE_BYTES * len(made.made_of) if made else 0)
 
 
 def _upwards(key: Key) -> Iterator[Key]:

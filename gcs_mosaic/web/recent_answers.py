@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 from gcs_mosaic.web.change import Change
 
 KEPT_S = 10.0  # also if nobody has told that it was painted: `check --repair` does not
+SPOILT = float("-inf")  # in place of when it was made
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -25,10 +26,13 @@ class RecentAnswers(Generic[Key, Value]):
         size: Callable[[Value], int],
         most_bytes: int,
         spoilt: Callable[[Collection[Key], Change], Iterable[Key]],
+        *,
+        keeps_spoilt: bool = False,
     ) -> None:
         """`revision`: of what is on the disk now; what whoever asks says of it is not believed. `spoilt`: those of some keys
-        whose values a change has made wrong."""
+        whose values a change may have made wrong; they are forgotten, or kept for `earlier` only."""
         self._revision, self._size, self._most_bytes, self._spoilt = revision, size, most_bytes, spoilt
+        self._keeps_spoilt = keeps_spoilt
         self._lock = threading.Lock()
         # Since when, and of which revision at least; last asked for last.
         self._kept: OrderedDict[Key, tuple[float, int, Value]] = OrderedDict()
@@ -58,16 +62,22 @@ class RecentAnswers(Generic[Key, Value]):
                 self._keep(key, on_disk, made)
         return made
 
+    def earlier(self, key: Key) -> Value | None:
+        """What was kept last, spoilt or not, unless it was pushed out."""
+        with self._lock:
+            known = self._kept.get(key)
+            return None if known is None else known[2]
+
     def forget(self, change: Change) -> None:
         """Something was painted."""
         with self._lock:
             self._changes += 1
-            if change.painted is None:
-                self._kept.clear()
-                self._bytes = 0
-                return
-            for key in list(self._spoilt(self._kept.keys(), change)):
-                self._drop(key)
+            keys = self._kept.keys()
+            for key in list(keys if change.painted is None else self._spoilt(keys, change)):
+                if self._keeps_spoilt:
+                    self._kept[key] = SPOILT, 0, self._kept[key][2]
+                else:
+                    self._drop(key)
 
     def _keep(self, key: Key, revision: int, made: Value) -> None:
         if key in self._kept:

@@ -65,9 +65,11 @@ async def tile(request: web.Request) -> web.StreamResponse:
     return tile_answer(request, encoded.data, encoded.media_type)
 
 
-def made(root: Path, island: int, wanted: Tile, masks: ReadMask) -> EncodedTile | None:
+def made(
+    root: Path, island: int, wanted: Tile, masks: ReadMask, before: EncodedTile | None = None
+) -> EncodedTile | None:
     """As `tile_reader.filled`. Raises FileNotFoundError where the flight's folder is gone: nobody can tell then what was seen."""
-    encoded = filled(root, island, wanted, masks)
+    encoded = filled(root, island, wanted, masks, before)
     if encoded is None and not root.is_dir():
         raise FileNotFoundError(root)
     return encoded

@@ -100,6 +100,32 @@ def test_no_dark_fringe_where_the_coarse_tile_ends(tmp_path: Path) -> None:
     assert np.abs(shown.colour[shown.coverage > 0].astype(int) - 180).max() <= 3
 
 
+def test_a_tile_is_made_anew_only_if_something_that_it_is_made_of_has_changed(tmp_path: Path) -> None:
+    left, right = TILE.parent.children[:2]
+    put(tmp_path, left, plain(200, covered=100))
+    put(tmp_path, TILE.parent, plain(100, covered=200))
+    before = filled(tmp_path, 0, left)
+    put(tmp_path, left.children[0], plain(50))
+    put(tmp_path, left, plain(200, covered=100))
+    assert filled(tmp_path, 0, left, before=before) is before, "written as it was"
+    for changed, shown in (
+        (left, plain(210, 100)),
+        (left, plain(210, 90)),
+        (right, plain(7, 60)),
+        (TILE.parent, plain(90)),
+    ):
+        put(tmp_path, changed, shown)
+        after = filled(tmp_path, 0, left, before=before)
+        assert after is not before
+        assert after == filled(tmp_path, 0, left)
+        before = after
+    for gone in (tile_path(tmp_path, 0, left), tile_path(tmp_path, 0, TILE.parent)):
+        gone.unlink()
+        before, was = filled(tmp_path, 0, left, before=before), before
+        assert before != was
+    assert before is None
+
+
 @pytest.mark.parametrize("path", [tile_path, mask_path])
 def test_a_file_that_is_torn_or_gone_counts_as_unseen(tmp_path: Path, path: Callable[[Path, int, Tile], Path]) -> None:
     put(tmp_path, TILE, plain(200, covered=100))

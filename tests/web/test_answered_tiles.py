@@ -25,8 +25,10 @@ TILE = Tile(16, 100, 200)
 class Maker:
     def __init__(self) -> None:
         self.number = itertools.count()
+        self.before: EncodedTile | None = None
 
-    def __call__(self) -> EncodedTile:
+    def __call__(self, before: EncodedTile | None = None) -> EncodedTile:
+        self.before = before
         return EncodedTile(b"%d" % next(self.number), "image/jpeg")
 
 
@@ -39,9 +41,9 @@ def data(kept: AnsweredTiles, make: Maker, tile: Tile = TILE, revision: int = 0)
 def test_a_tile_is_made_once_also_if_it_is_empty() -> None:
     kept, make = AnsweredTiles(lambda: 0), Maker()
     assert [data(kept, make) for _ in range(3)] == [b"0"] * 3
-    asked: list[None] = []
+    asked: list[EncodedTile | None] = []
     for _ in range(2):
-        assert kept.get(1, TILE, 0, lambda: asked.append(None)) is None
+        assert kept.get(1, TILE, 0, asked.append) is None
     assert len(asked) == 1
 
 
@@ -74,6 +76,17 @@ def test_after_a_change_of_which_nothing_is_known_all_are_made_anew() -> None:
     assert data(kept, make) == b"1"
 
 
+def test_who_makes_it_anew_is_given_what_was_kept() -> None:
+    kept, make = AnsweredTiles(lambda: 0), Maker()
+    first = data(kept, make)
+    assert make.before is None
+    for change in (Change(1, frozenset([(0, TILE)])), Change(2, None)):
+        kept.forget(change)
+        data(kept, make)
+        assert sure(make.before).data == first
+        first = data(kept, make)
+
+
 def test_who_knows_of_a_later_revision_gets_no_older_tile() -> None:
     on_disk = iter([3, 4, 4])
     kept, make = AnsweredTiles(lambda: next(on_disk)), Maker()
@@ -85,7 +98,7 @@ def test_who_knows_of_a_later_revision_gets_no_older_tile() -> None:
 def test_what_was_made_while_something_was_painted_is_not_kept() -> None:
     kept, make = AnsweredTiles(lambda: 0), Maker()
 
-    def interrupted() -> EncodedTile:
+    def interrupted(_before: EncodedTile | None) -> EncodedTile:
         kept.forget(Change(1, frozenset([(0, TILE)])))
         return make()
 
