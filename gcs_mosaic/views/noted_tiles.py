@@ -19,7 +19,7 @@ Digest = bytes | None  # None: of nothing
 
 
 @dataclass(frozen=True, slots=True)
-class Notes:
+class TilesRead:
     """What was read of which tiles."""
 
     masks: Mapping[Tile, Digest] = field(default_factory=dict)
@@ -38,15 +38,15 @@ class NotedTiles:
         self._masks: dict[Tile, Coverage | None] = {}
         self._data: dict[Tile, bytes | None] = {}
 
-    def notes(self) -> Notes:
+    def read_so_far(self) -> TilesRead:
         """What was read so far."""
         masks = {tile: _of_mask(mask) for tile, mask in self._masks.items()}
-        return Notes(masks, {tile: _digest(data) for tile, data in self._data.items()})
+        return TilesRead(masks, {tile: _digest(data) for tile, data in self._data.items()})
 
-    def are_as(self, notes: Notes) -> bool:
+    def are_as(self, then: TilesRead) -> bool:
         """Whether all that was read then is the same now."""
-        masks = all(_of_mask(self.mask(tile)) == found for tile, found in notes.masks.items())
-        return masks and all(_digest(self.data(tile)) == found for tile, found in notes.pictures.items())
+        masks = all(_of_mask(self.mask(tile)) == found for tile, found in then.masks.items())
+        return masks and all(_digest(self.data(tile)) == found for tile, found in then.pictures.items())
 
     def picture(self, tile: Tile) -> TilePicture | None:
         """As of `hole_filling.Tiles`."""

@@ -19,7 +19,7 @@ from gcs_mosaic.stitch.arrays import ImageBGRA
 from gcs_mosaic.store.tile_header import is_tile_sized
 from gcs_mosaic.store.tiles import ReadMask, encode, encode_jpeg, read_mask
 from gcs_mosaic.views.hole_filling import WrittenTiles, fade, filled_picture
-from gcs_mosaic.views.noted_tiles import NotedTiles, Notes
+from gcs_mosaic.views.noted_tiles import NotedTiles, TilesRead
 
 FILLED_QUALITY = 90  # JPEG and WebP; tiles made here are displayed and discarded
 
@@ -30,7 +30,7 @@ class EncodedTile:
 
     data: bytes
     media_type: str
-    made_of: Notes = field(default_factory=Notes, compare=False)
+    made_of: TilesRead = field(default_factory=TilesRead, compare=False)
 
 
 def filled(
@@ -46,14 +46,18 @@ def filled(
         return before
     straight = _full_tile(tiles, tile)
     if straight is not None:
-        return EncodedTile(straight, "image/jpeg", tiles.notes())
+        return EncodedTile(straight, "image/jpeg", tiles.read_so_far())
     picture = filled_picture(tiles, tile)
     if picture is None:
         return None
     if int(picture.coverage.min()) == 255:
-        return EncodedTile(encode_jpeg(picture.colour, picture.coverage, FILLED_QUALITY), "image/jpeg", tiles.notes())
+        return EncodedTile(
+            encode_jpeg(picture.colour, picture.coverage, FILLED_QUALITY), "image/jpeg", tiles.read_so_far()
+        )
     bgra = np.dstack([picture.colour, picture.coverage])
-    return EncodedTile(encode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, FILLED_QUALITY]), "image/webp", tiles.notes())
+    return EncodedTile(
+        encode(".webp", bgra, [cv2.IMWRITE_WEBP_QUALITY, FILLED_QUALITY]), "image/webp", tiles.read_so_far()
+    )
 
 
 def picture(root: Path, island: int, bounds: Box, level: int) -> ImageBGRA:

@@ -20,7 +20,7 @@ from gcs_mosaic.web.recent_answers import RecentAnswers
 MOST_BYTES = 48 << 20
 MOST_MASK_BYTES = 24 << 20  # of some 370 tiles that are not full
 EACH_BYTES = 500  # of one without data
-NOTE_BYTES = 350  # of one note
+SOURCE_BYTES = 350  # of what is noted of one tile that was read
 Make = Callable[[EncodedTile | None], EncodedTile | None]  # given what was kept before
 Key = tuple[int, Tile]  # island, tile
 
@@ -82,7 +82,7 @@ def _mask_size(mask: Coverage | None) -> int:
 
 
 def _size(made: EncodedTile | None) -> int:
-    return EACH_BYTES + (len(made.data) + NOTE_BYTES * len(made.made_of) if made else 0)
+    return EACH_BYTES + (len(made.data) + SOURCE_BYTES * len(made.made_of) if made else 0)
 
 
 def _upwards(key: Key) -> Iterator[Key]:
