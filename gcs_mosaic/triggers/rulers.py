@@ -28,6 +28,7 @@ _COMPARED = 2_500_000  # differences that are looked through for them: all of 1,
 _AT_ENDS = 4  # shots and files at either end by which they are shifted
 _WITHIN_S, _WITHIN = 0.7, 0.1  # times and numbers that agree
 _CHANCE_S = 30.0  # times that agree by chance lie anywhere in such a range
+_NEAR_S = 3.0  # seconds from the usual difference within which others count towards their scatter
 _LEAST, _HALF = 3, 0.6  # pairs that a ruler must explain, and their share
 _ZONE_S, _SET_S = 900.0, 1.0  # time zones differ by quarters of an hour; a clock that is set is this exact
 _IS_SET = 0.5  # share of clocks that are set
@@ -129,7 +130,7 @@ class Rulers:
         return Zeros(
             self._zero_of_numbers(shots, files),
             _zero_of(self._captured[files] - self._moments[shots], sharp_s=0.3),
-            _zero_of(self._arrived[files] - self._moments[shots], sharp_s=0.5),
+            _zero_of(self._arrived[files] - self._moments[shots], sharp_s=0.5, is_delay=True),
         )
 
     def _zero_of_numbers(self, shots: Places, files: Places) -> tuple[int, float] | None:
@@ -209,14 +210,19 @@ def _peaks(apart: Floats, within: float) -> list[float]:
     return found
 
 
-def _zero_of(apart: Floats, sharp_s: float) -> tuple[float, float] | None:
-    """The usual difference of the pairs in seconds, and how far they scatter; None if they do not agree."""
+def _zero_of(apart: Floats, sharp_s: float, *, is_delay: bool = False) -> tuple[float, float] | None:
+    """The usual difference of the pairs in seconds, and how far they scatter; None if they do not agree.
+
+    A delay may scatter evenly: its densest half would be sharper by one shift of the rows than by another, and is no middle."""
     known = apart[~np.isnan(apart)]
     if len(known) < _LEAST:
         return None
     zero = _mode(known)
+    some = known[np.abs(known - zero) < _NEAR_S]
+    if is_delay and len(some):
+        zero = float(np.median(some))
     off = np.abs(known - zero)
-    near = off[off < 3.0]
+    near = off[off < _NEAR_S]
     if len(near) < _HALF * len(known):
         return None
     sigma = max(sharp_s, 1.4826 * float(np.median(near)))
