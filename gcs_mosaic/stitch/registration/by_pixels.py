@@ -31,6 +31,9 @@ MOST_FINEST = 0.16
 ALIKE = 0.7  # the same of coarse textures: woods that agree so well have 60 independent inliers and more
 DETAILED = 1300  # features per megapixel of a feature picture with details everywhere
 BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much has lost the other's details
+# The same of pairs of one place that lack details or lose them by blur: 0.64 and less of eight flights, blurred ones among them.
+# Graves and panels that differ by less than the noise have 0.79 and more, and other shifts that are about as good.
+WHOLLY_ALIKE, CLEARLY_ALONE = 0.7, 6.0
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
 SAME_PROPOSAL = 0.05  # of the diagonal: nearer ones are drawn to the same peak of the pixels
@@ -68,12 +71,16 @@ def _unless_contradicted(found: Registration, pair: FramePair, settings: Registr
 
 def should_have_matched(seen: Agreement, pictures: PixelPair, a: Features, b: Features) -> bool:
     """Whether two pictures agree so well that keypoints, of which few do, would if they showed one place: blocks of one make
-    agree as wholes and differ in details. Not so where pictures have few details, or noise for them, or lose them by blur."""
+    agree as wholes and differ in details. Not so where pictures have few details, or noise for them, or lose them by blur; but
+    what agrees to its finest details, and at another shift nearly as well, has lost none."""
+    finest = pictures.finest(seen)
+    if finest > WHOLLY_ALIKE and seen.alone < CLEARLY_ALONE:
+        return True
     if a.is_faint or b.is_faint or min(map(_per_megapixel, (a, b))) < DETAILED:
         return False
     if max(a.sharpness, b.sharpness) > BLURRED * min(a.sharpness, b.sharpness):
         return False
-    return seen.correlation > ALIKE or pictures.finest(seen) > MOST_FINEST
+    return seen.correlation > ALIKE or finest > MOST_FINEST
 
 
 def _per_megapixel(frame: Features) -> float:

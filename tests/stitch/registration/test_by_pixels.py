@@ -120,6 +120,19 @@ def test_pictures_that_agree_in_detail_have_keypoints_in_common_or_are_not_one_p
     assert should_have_matched(found, Pictures(detail=detail).pair, a, b) is should
 
 
+@pytest.mark.parametrize(
+    ("detail", "alone", "should"), [(0.8, 4.4, True), (0.8, 7.0, False), (0.6, 4.4, False)], ids=["", "alone", "less"]
+)
+@pytest.mark.parametrize("excused", [frame(100), frame(200, sharpness=1.6), frame(200, is_faint=True)])
+def test_what_agrees_to_its_finest_details_elsewhere_too_has_no_excuse(
+    excused: Features, detail: float, alone: float, should: bool
+) -> None:
+    """As rows of graves do that differ by less than the noise: they were joined for having few keypoints, or taken for blurred
+    because what the grass shows varies."""
+    found = agreement(np.eye(3), correlation=0.98, alone=alone)
+    assert should_have_matched(found, Pictures(detail=detail).pair, DETAILED, excused) is should
+
+
 @pytest.mark.usefixtures("ground")
 def test_what_is_proposed_and_seen_is_proved() -> None:
     found = proved(Pictures({30.0: agreement(moved(30))}), far(30))
