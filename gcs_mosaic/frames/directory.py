@@ -19,6 +19,7 @@ from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
 from gcs_mosaic.frames.decoding.proof import Proof, decodes_here, loads_here
 from gcs_mosaic.frames.files import frames_in as frames_in
+from gcs_mosaic.frames.files import name_order
 from gcs_mosaic.frames.integrity import image_size
 from gcs_mosaic.frames.multiband.shots import BandShots, Load
 from gcs_mosaic.frames.passed_over import Kinds, PassedOver, stem_of
@@ -149,7 +150,7 @@ class FolderWatch:
         self._kinds: Kinds = ()
         self._counts_due = -math.inf
         self._said: set[str] = set()
-        self._said_doubt = False
+        self._said_doubt = self._said_old = False
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
         self._missing = False
@@ -171,7 +172,7 @@ class FolderWatch:
         self._forget_vanished(found)
         yield from self._presence(found)
         yield from self._remarks(found)
-        yield from self._take_all(sorted(ready, key=lambda look: (look.modified_ns, look.name)), now)
+        yield from self._take_all(sorted(ready, key=_written_order), now)
         yield from self._due(now)
         if self._polls == 2:
             # That a file was there at the start says something of its event.
@@ -257,6 +258,7 @@ class FolderWatch:
             yield item
         if isinstance(item, Frame):
             yield from self._doubted(item.name, self._candidates[look.path].doubt)
+            yield from self._is_old_news(item)
 
     def _accepted(self, frame: Frame, now: float) -> Iterator[Item]:
         name, version = file_and_version(frame.name)
@@ -285,6 +287,17 @@ class FolderWatch:
             text = f"{name} decodes whole, but {doubt}: such files are taken when they have not changed for"
             text += f" {self._settings.damaged_after_s:g} s (frames: {{damaged_after_s: …}})"
             yield Notice(source=str(self._folder), level="info", text=text)
+
+    def _is_old_news(self, frame: Frame) -> Iterator[Notice]:
+        """Say once that a card with an earlier flight may have been put in: its frames are mapped with those of this one."""
+        hours = (self._oldest_ns / 1e9 - frame.modified) / 3600
+        if self._polls > 1 and hours > 0 and not self._said_old:
+            self._said_old = True
+            text = f"{frame.name} was written {math.ceil(hours)} h before this flight began, and others may be: if they are of "
+            text += (
+                "an earlier flight, take that card out and begin anew (--new); if the camera's clock is wrong, set it"
+            )
+            yield Notice(source=str(self._folder), level="warning", text=text)
 
     def _dated(self, frame: Frame, candidate: Candidate) -> Frame:
         pause = candidate.appeared
@@ -395,3 +408,8 @@ class FolderWatch:
         left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
         text = f"watching {self._folder}: {self._taken_as_frames} frames were there{left}"
         return Notice(source="frames", level="info", text=text, topic=Topic.FIRST_LOOK)
+
+
+def _written_order(look: Look) -> tuple[object, ...]:
+    """Of files that came together: by when they were written, then by their names in natural order, a copy after its original."""
+    return look.modified_ns, name_order(str(Path(look.name).with_suffix(""))), look.name

@@ -17,7 +17,7 @@ from gcs_mosaic.frames.decoding.proof import Proof
 from gcs_mosaic.frames.exif import capture_time
 from gcs_mosaic.frames.integrity import NotWhole
 from gcs_mosaic.frames.multiband.shots import BandShots
-from gcs_mosaic.frames.passed_over import RAW_SUFFIXES, Kinds, PassedOver, in_words, stem_of
+from gcs_mosaic.frames.passed_over import OTHER_PICTURES, RAW_SUFFIXES, Kinds, PassedOver, in_words, stem_of
 from gcs_mosaic.frames.pending_file import FileRead, Prove, frame_of, read_whole, versioned
 from gcs_mosaic.frames.scan import LEDGER, VIDEO_SUFFIXES, Look, scan, shown_name
 from gcs_mosaic.frames.settings import FolderSettings
@@ -162,6 +162,9 @@ def _left_out(kinds: Kinds) -> Iterator[str]:
     raw = tuple(one for one in kinds if one[0] in RAW_SUFFIXES)
     if raw:
         yield f"RAW files without a JPEG beside them are left out ({in_words(raw)}): they are not read"
+    others = tuple(one for one in kinds if one[0] in OTHER_PICTURES)
+    if others:
+        yield f"pictures of other kinds are left out ({in_words(others)}): JPEG, PNG and TIFF are read, so convert them first"
     previews = tuple(one for one in kinds if one[0].endswith("/"))
     if previews:
         yield f"folders of small copies are left out ({in_words(previews)}); name one of them to stitch what is in it"

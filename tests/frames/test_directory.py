@@ -101,6 +101,13 @@ def test_frames_of_one_look_come_in_the_order_of_their_times_then_names(watched:
     assert watched.names() == ["c.jpg", "a.jpg", "b.jpg", "d.jpg"]
 
 
+def test_of_files_written_at_once_names_count_naturally_and_a_copy_comes_after_its_original(watched: Watched) -> None:
+    written = time.time()
+    for name in ("frame10.jpg", "frame2 - Copy.jpg", "frame2.jpg", "frame1.jpg"):
+        os.utime(watched.write(name), (written, written))
+    assert watched.names() == ["frame1.jpg", "frame2.jpg", "frame2 - Copy.jpg", "frame10.jpg"]
+
+
 def test_a_name_that_is_overwritten_is_a_new_frame(watched: Watched) -> None:
     frames: list[Frame] = []
     for data in (JPEG, OTHER, JPEG):
@@ -205,6 +212,17 @@ def test_an_old_file_that_is_copied_in_later_is_taken(watched: Watched) -> None:
     watched.look()
     watched.write("late.jpg", age_s=1e6)
     assert watched.names() == ["late.jpg"]
+
+
+def test_that_a_card_with_an_earlier_flight_may_have_been_put_in_is_said_once(watched: Watched) -> None:
+    watched.look()
+    watched.write("now.jpg")
+    assert not any("earlier flight" in text for text in watched.texts())
+    for name in ("a.jpg", "b.jpg"):
+        watched.write(name, age_s=24 * 3600)
+    said = [text for text in watched.texts() if "earlier flight" in text]
+    assert len(said) == 1
+    assert said[0].startswith("a.jpg was written 24 h before this flight began")
 
 
 def test_a_folder_that_goes_is_said_and_what_was_in_it_is_known_when_it_comes_back(watched: Watched) -> None:

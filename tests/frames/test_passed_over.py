@@ -85,6 +85,14 @@ def test_a_folder_of_raw_files_says_what_is_in_it(tmp_path: Path) -> None:
     assert "RAW files without a JPEG" in frames_in(tmp_path).passed_over[0]
 
 
+def test_pictures_of_other_kinds_beside_images_are_told(tmp_path: Path) -> None:
+    for name in ("a.heic", "b.HEIC", "c.webp"):
+        (tmp_path / name).write_bytes(b"other")
+    (tmp_path / "a.jpg").write_bytes(encoded(".jpg"))
+    (said,) = frames_in(tmp_path).passed_over
+    assert said.startswith("pictures of other kinds are left out (2 ending in .HEIC, 1 ending in .WEBP)")
+
+
 def test_counts_in_words_are_few() -> None:
     kinds = PassedOver().kinds({f"{k}.{suffix}" for k in range(2) for suffix in "abcdef"}, set(), lambda name: False)
     assert in_words(kinds) == "2 ending in .A, 2 ending in .B, 2 ending in .C, 2 ending in .D, ..."

@@ -222,10 +222,11 @@ def _of_shots(facts: Facts) -> Iterator[SoNow]:
         yield SoNow("triggers", "warning", text, held_s=HELD_S)
         return
     yield from _of_aircraft_without_triggers(facts)
-    if facts.accounts.orphans and events.matched:
-        pictures = "1 picture" if facts.accounts.orphans == 1 else f"{facts.accounts.orphans} pictures"
+    unannounced = facts.accounts.orphans - events.pending  # triggers that wait may be of some of them
+    if unannounced > 0 and events.matched:
+        pictures = "1 picture" if unannounced == 1 else f"{unannounced} pictures"
         yield SoNow(
-            "orphans", "info", f"{pictures} came without a trigger: on the map all the same", said=False, held_s=HELD_S
+            "orphans", "info", f"{pictures} came without a trigger: mapped as any other", said=False, held_s=HELD_S
         )
     if events.missing:
         shots = "1 shot has" if events.missing == 1 else f"{events.missing} shots have"
