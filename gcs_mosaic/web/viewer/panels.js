@@ -45,7 +45,6 @@ export function openPanel(id) {
   side.hidden = false;
   setOpen(byId(id), true);
   byId("side-title").textContent = byId(id).ariaLabel;
-  side.scrollTop = 0;
   /** @type {NodeListOf<HTMLElement>} */
   const tabs = document.querySelectorAll("#tabs button");
   for (const tab of tabs) {
@@ -53,6 +52,8 @@ export function openPanel(id) {
     tab.setAttribute("aria-current", String(tab.id === `open-${id}`));
   }
   byId("tabs").hidden = panels.filter((panel) => panel.dataset.phase === phase).length < 2;
+  side.scrollTop = 0;
+  showTab(byId(`open-${id}`));
   showPhase(phase);
 }
 
@@ -68,6 +69,12 @@ export function closePanels() {
 /** Whether nothing lies over the map or beside it that somebody may be reading instead of looking. */
 export function isMapFree() {
   return [side, byId("originals"), byId("sheet")].every(({ hidden }) => hidden) && !document.querySelector("dialog[open]");
+}
+
+/** Where a low window has all tabs in one line, that of the open panel is in sight. */
+function showTab(tab) {
+  const tabs = byId("tabs");
+  tabs.scrollLeft = tab.offsetLeft - tabs.offsetLeft - (tabs.clientWidth - tab.offsetWidth) / 2;
 }
 
 function openPhase() {
