@@ -116,7 +116,6 @@ export default {
   "Flight": "Flug",
   "Flight ended": "Flug beendet",
   "Flight up": "Flugrichtung oben",
-  "Flight, Islands, Layers, Fly the gaps, Review, Hints, Measure, Finds, Anchor, On other maps": "Flug, Inseln, Ebenen, Lücken fliegen, Sichtung, Hinweise, Messen, Funde, Anker, Auf anderen Karten",
   "Fly": "Fliegen",
   "Fly the gaps": "Lücken fliegen",
   "Flying": "Fliegt",
