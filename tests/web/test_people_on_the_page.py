@@ -315,6 +315,47 @@ def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
     page.wait_for("document.getElementById('newest').getAttribute('aria-pressed') === 'true'")
 
 
+OPEN = """["help", "originals", "sheet", "hint", "finds-form", "side", "looking"].filter((id) => {
+  const one = document.getElementById(id);
+  return one.localName === "dialog" ? one.open : one.getClientRects().length > 0;
+})"""
+
+
+@pytest.mark.long
+def test_escape_closes_one_thing_the_innermost_first_wherever_the_keyboard_is(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-reviews")
+    someone.press("looking-begin")
+    page.wait_for(f"{OPEN}.join() === 'looking'")
+    page.evaluate("document.getElementById('map').focus()")
+    page.key(str(1 + PANELS.index("finds")))
+    someone.press("finds-mark")
+    someone.click(500, 400)
+    page.wait_for("!document.getElementById('finds-form').hidden")
+    someone.press("finds-mark")
+    someone.press("state")
+    page.evaluate("document.getElementById('originals').hidden = false")
+    page.evaluate("document.getElementById('open-help').click()")
+    order = ["help", "originals", "sheet", "hint", "finds-form", "side", "looking"]
+    for at in range(len(order)):
+        assert page.evaluate(OPEN) == order[at:]
+        page.key("Escape")
+    assert page.evaluate(OPEN) == []
+    assert page.complaints == []
+
+
+@pytest.mark.long
+def test_a_panel_that_a_digit_opened_over_the_map_is_closed_there(page: Page, url: str) -> None:
+    Person(page, url)
+    page.evaluate("document.getElementById('map').focus()")
+    for digit in "1234567890":
+        page.key(digit)
+        assert page.evaluate(OPEN) == ["side"]
+        page.key("Escape")
+        assert page.evaluate(OPEN) == []
+        assert page.evaluate("document.activeElement.id") == "map"
+
+
 @pytest.mark.long
 def test_what_was_seen_stays_viewable_without_the_server(page: Page, tmp_path: Path) -> None:
     """Also after a reload; it is told as lost, and is the living map again when the server is back."""

@@ -2,7 +2,8 @@
 // Finds: markers with a note, who and when, on the map and in a list; shared by all open pages.
 
 import { send, setWho, trying, who } from "/viewer/api.js";
-import { byId, element, focusedIn } from "/viewer/dom.js";
+import { byId, element, focusedIn, isVisible } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { handOver } from "/viewer/handing.js";
 import { openPanel } from "/viewer/panels.js";
 import { ChosenPlace } from "/viewer/pointing.js";
@@ -36,6 +37,7 @@ export class Finds {
     this.mark.onclick = () => this.pointing.take(this.tool);
     this.form.onsubmit = (event) => this.save(event);
     byId("finds-cancel").onclick = () => this.endForm();
+    closeByEscape("form", () => isVisible(this.form), () => this.endForm());
     this.undo.querySelector("button").onclick = () => this.restore();
   }
 

@@ -5,6 +5,7 @@
 // `closed`.
 
 import { byId } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 
 /** @type {NodeListOf<HTMLElement>} */
 const found = document.querySelectorAll("section.panel");
@@ -16,7 +17,7 @@ const last = new Map();
 /** Their ids, in the order of the buttons. */
 export const PANELS = panels.map(({ id }) => id);
 
-/** Make a tab for each panel, and let the phases' buttons open them; Escape closes the open one. */
+/** Make a tab for each panel, and let the phases' buttons open them; Escape closes the open one, wherever the keyboard is. */
 export function makePanels() {
   for (const panel of [...panels].reverse()) last.set(panel.dataset.phase, panel.id);
   for (const panel of panels) {
@@ -29,7 +30,7 @@ export function makePanels() {
     byId(`phase-${phase}`).onclick = () => (openPhase() === phase ? closePanels() : openPanel(last.get(phase)));
   }
   byId("side-close").onclick = closePanels;
-  side.addEventListener("keydown", ({ key }) => key === "Escape" && closePanels());
+  closeByEscape("panel", () => !side.hidden, closePanels);
 }
 
 /** Open a panel, or close it if it is open. */
@@ -57,13 +58,13 @@ export function openPanel(id) {
   showPhase(phase);
 }
 
-/** Close what is open, and give the keyboard back to its button. */
+/** Close what is open, and give the keyboard back to its button, but for whom moves the map with it. */
 export function closePanels() {
   const phase = openPhase();
   for (const panel of panels) setOpen(panel, false);
   side.hidden = true;
   showPhase("");
-  if (phase) byId(`phase-${phase}`).focus();
+  if (phase && !byId("map").contains(document.activeElement)) byId(`phase-${phase}`).focus();
 }
 
 /** Whether nothing lies over the map or beside it that somebody may be reading instead of looking. */

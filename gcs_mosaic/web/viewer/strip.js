@@ -4,6 +4,7 @@
 // Red is kept for what must not be overlooked: that the page itself cannot be trusted. Losses are yellow.
 
 import { byId, element } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { ageOf } from "/viewer/server.js";
 import { written } from "/viewer/times.js";
 import { said, t } from "/viewer/words.js";
@@ -40,7 +41,7 @@ export function makeSheet() {
     for (const one of buttons) one.setAttribute("aria-expanded", String(isOpen));
   };
   for (const one of buttons) one.onclick = () => open(sheet.hidden);
-  document.addEventListener("keydown", ({ key }) => key === "Escape" && open(false));
+  closeByEscape("sheet", () => !sheet.hidden, () => open(false));
   byId("map").addEventListener("pointerdown", () => open(false));
   // What lies at the foot of the map makes room for what is said there.
   const texts = ["alarm", "farewell"].map(byId);
