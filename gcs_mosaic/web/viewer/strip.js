@@ -53,14 +53,14 @@ export function makeSheet() {
 /** The state with the worst condition as its sentence: one thing is told, and once. */
 function withWorst(state, conditions) {
   const worst = conditions.find(({ level }) => level === "error") ?? conditions.find(({ level }) => level === "warning");
-  if (!worst || state.kind === "bad" || state.kind === "calm") return state;
+  if (!worst || state.kind === "bad") return state;
   if (state.isOld && worst.level !== "error") return state;
   return { ...state, kind: worst.level === "error" ? "bad" : "warn", detail: said(worst.text) };
 }
 
 /** How much of all frames is in view: parts that are not shown are always in sight. */
 function showParts(mosaic, island, gaps) {
-  const parts = mosaic?.islands.filter((one) => one.merged_into === undefined) ?? [];
+  const parts = partsOf(mosaic);
   const all = parts.reduce((sum, { frames }) => sum + frames, 0);
   const others = parts.length - 1;
   const texts = others > 0 && island
@@ -77,9 +77,8 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   const name = status?.flight ?? mosaic?.flight;
   const again = t("To open it again: gcs-mosaic serve {name}", { name });
   if (status?.state === "stopped" && (hasEnded || lostSeconds)) {
-    const frames = mosaic ? `, ${frameCount(mosaic.frames.placed + (mosaic.frames.covered ?? 0))}` : "";
-    const complete = t("map complete{frames}", { frames });
-    return { kind: "calm", title: t("Flight ended"), detail: complete, farewell: `${t("Ended, {complete}.", { complete })} ${again}` };
+    const map = finalMap(mosaic);
+    return { kind: "calm", title: t("Flight ended"), detail: map, farewell: `${t("Ended, {map}.", { map })} ${again}` };
   }
   if (!hasEnded) return null;
   if (!status) {
@@ -89,6 +88,20 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   const crashed = t("gcs-mosaic has ended without finishing: it crashed or was killed.");
   const alarm = `${crashed} ${seenFrom(status.updated)} ${t("Start it again with the same words: the flight goes on by itself.")}`;
   return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
+}
+
+/** What has become of the map: complete only if it is in one part, and all frames that came are on it. */
+function finalMap(mosaic) {
+  if (!mosaic) return t("map final{frames}", { frames: "" });
+  const { placed, covered, pending, waiting, rejected, damaged, dropped, unstitched } = mosaic.frames;
+  const left = [pending, waiting, rejected, damaged, dropped, unstitched].some((count) => count > 0);
+  const frames = `, ${frameCount(placed + (covered ?? 0))}`;
+  return left || partsOf(mosaic).length > 1 ? t("map final{frames}", { frames }) : t("map complete{frames}", { frames });
+}
+
+/** @param {Api.Mosaic | null} mosaic */
+function partsOf(mosaic) {
+  return mosaic?.islands.filter((one) => one.merged_into === undefined) ?? [];
 }
 
 /** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old, `isOld`: it is, by some seconds. */
@@ -163,7 +176,7 @@ function showCounts(status, mosaic, island) {
   const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
   if (status && !status.mavlink?.length && !source.events.matched) drop(entries, t("Triggers matched"));
   entries.push(...linkCounts(status?.mavlink ?? []));
-  const islands = mosaic?.islands.filter((one) => one.merged_into === undefined).length ?? 0;
+  const islands = partsOf(mosaic).length;
   if (source) entries.push([t("Islands"), islands, islands > 1 ? "warn" : ""]);
   if (island?.held_out_px) entries.push(fit(island.held_out_px));
   if (status?.last_frame) entries.push(lastFrame(status));
