@@ -357,6 +357,39 @@ def test_a_panel_that_a_digit_opened_over_the_map_is_closed_there(page: Page, ur
 
 
 @pytest.mark.long
+def test_many_finds_can_be_hidden_and_a_new_one_shows_them_again(page: Page, url: str) -> None:
+    writer = Writer(url)
+
+    def mark(number: int) -> None:
+        writer.send(
+            "POST", "/finds", {"island": 0, "x": 9.0 * number, "y": 90, "label": f"find {number}", "who": "Ann"}
+        )
+
+    markers = "document.querySelectorAll('.find').length"
+    for number in range(1, 4):
+        mark(number)
+    someone = Person(page, url)
+    page.wait_for(f"{markers} === 3")
+    someone.press("open-finds")
+    someone.press("finds-show")
+    page.wait_for(f"{markers} === 0")
+    someone.sees("finds-hidden", "3 finds hidden")
+    someone = Person(page, url)  # it is kept on the device
+    page.wait_for("document.querySelectorAll('#finds-list li').length === 3")
+    assert page.evaluate(markers) == 0
+    someone.sees("finds-hidden", "3 finds hidden")
+    someone.press("open-finds")
+    page.evaluate("document.querySelector('#finds-list [data-find]').click()")  # who goes to one sees it
+    page.wait_for(f"{markers} === 1")
+    someone.sees("finds-hidden", "2 finds hidden")
+    mark(4)
+    page.wait_for(f"{markers} === 4")
+    assert page.evaluate("document.getElementById('finds-hidden').hidden")
+    assert page.evaluate("document.getElementById('finds-show').getAttribute('aria-pressed')") == "true"
+    assert page.evaluate("localStorage.getItem('gcs-mosaic finds hidden')") is None
+
+
+@pytest.mark.long
 def test_what_was_seen_stays_viewable_without_the_server(page: Page, tmp_path: Path) -> None:
     """Also after a reload; it is told as lost, and is the living map again when the server is back."""
     flight = seen_flight(tmp_path)

@@ -2,6 +2,7 @@
 
 export default {
   "1": "1",
+  "1 find hidden": "1 Fund ausgeblendet",
   "1 frame": "1 Bild",
   "1 gap": "1 Lücke",
   "1 more part": "1 weiterer Teil",
@@ -111,6 +112,7 @@ export default {
   "Finds": "Funde",
   "Finds for other programs": "Funde für andere Programme",
   "Finds of others": "Funde anderer",
+  "Finds on the map": "Funde auf der Karte",
   "Finishing": "Schließt ab",
   "Fits to": "Passt auf",
   "Flight": "Flug",
@@ -509,6 +511,7 @@ export default {
   "{n} files are left out, for only those called {pattern} are mapped ({count} so far), as asked for by --cameras or the settings": "{n} Dateien bleiben weg, da nur solche mit Namen {pattern} kartiert werden (bisher {count}), wie mit --cameras oder in den Einstellungen verlangt",
   "{n} files in {name} were there at the start and are left alone, being old by their times (new ones are dated {hours} h before they came): if the camera's clock is wrong and they are of this flight, start again with --from start": "{n} Dateien in {name} waren zu Beginn da und bleiben liegen, da sie nach ihren Zeiten alt sind (neue sind {hours} h vor ihrer Ankunft datiert): geht die Uhr der Kamera falsch und sind sie von diesem Flug, mit --from start neu starten",
   "{n} files in {name} were there at the start and are left alone, being old by their times: if the camera's clock is wrong and they are of this flight, start again with --from start": "{n} Dateien in {name} waren zu Beginn da und bleiben liegen, da sie nach ihren Zeiten alt sind: geht die Uhr der Kamera falsch und sind sie von diesem Flug, mit --from start neu starten",
+  "{n} finds hidden": "{n} Funde ausgeblendet",
   "{n} frames": "{n} Bilder",
   "{n} frames cannot be shown, and are not compared.": "{n} Bilder lassen sich nicht zeigen und sind nicht verglichen.",
   "{n} gaps": "{n} Lücken",
