@@ -13,6 +13,7 @@ const QUIET_AFTER_S = 8; // the daemon writes its status each two seconds or mor
 const HUNG_AFTER_S = 30; // a very busy machine gives it no turn for many seconds
 const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
 const NOTICES = 50;
+const OWN_WORDS = 2; // of a sentence that a notice may be: notices are of many kinds
 const WORST = ["error", "warning", "info"];
 
 /**
@@ -285,14 +286,14 @@ function showConditions(conditions) {
 /** @param {Api.Notice[]} notices */
 function showNotices(notices) {
   const newest = notices.slice(-NOTICES).reverse();
-  const lines = newest.map(({ time, level, text }) => {
-    const line = element("li", { className: "" });
-    line.append(element("time", { textContent: written(time) }), element("span", { className: level, textContent: text }));
-    return line;
-  });
   const shown = newest.map(({ time, text }) => `${time} ${text}`).join();
   if (byId("notices").dataset.shown === shown) return; // who reads and scrolls is not disturbed
   byId("notices").dataset.shown = shown;
+  const lines = newest.map(({ time, level, text }) => {
+    const line = element("li", { className: "" });
+    line.append(element("time", { textContent: written(time) }), element("span", { className: level, textContent: said(text, OWN_WORDS) }));
+    return line;
+  });
   byId("notices").replaceChildren(...lines);
 }
 
