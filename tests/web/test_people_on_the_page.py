@@ -294,17 +294,18 @@ def test_nothing_hinders_who_sees_hears_or_moves_otherwise(page: Page, url: str,
 
 @pytest.mark.long
 def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
-    someone = Person(page, url)
+    someone = Person(page, url, (844, 390))  # where the sheet is longer than the window
 
     def key(name: str) -> None:
         page.command("Input.dispatchKeyEvent", type="keyDown", key=name, text=name if len(name) == 1 else "")
 
     key("?")
     page.wait_for("document.getElementById('help').open")
+    assert page.evaluate("document.getElementById('help').scrollTop") == 0
     someone.press("help-close")
     told = page.evaluate("document.querySelector('#help-keys dd').textContent").split(", ")
     assert [one[0] for one in told] == list("1234567890")
-    for digit, panel in (one.split(" ", 1) for one in told):
+    for digit, panel in (one.split("\u00a0", 1) for one in told):
         key(digit)
         page.wait_for(f"document.querySelector('section.panel:not([hidden])')?.ariaLabel === {json.dumps(panel)}")
     key("m")

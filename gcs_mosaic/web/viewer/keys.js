@@ -31,7 +31,7 @@ const KEYS = [
 export function listenForKeys() {
   const sheet = byId("help");
   const list = byId("help-keys");
-  list.append(...told("1 … 9, 0", DIGITS.map((digit, at) => `${digit} ${byId(PANELS[at]).ariaLabel}`).join(", ")));
+  list.append(...told("1 … 9, 0", DIGITS.map((digit, at) => `${digit}\u00a0${byId(PANELS[at]).ariaLabel}`).join(", ")));
   for (const [key, said] of KEYS) list.append(...told(key, t(said)));
   byId("help-close").onclick = () => sheet.close();
   byId("open-help").onclick = showSheet;
@@ -52,4 +52,5 @@ function onKey({ key, target, ctrlKey, altKey, metaKey }) {
 
 function showSheet() {
   byId("help").showModal();
+  byId("help").scrollTop = 0; // its button, which is last, has the keyboard
 }
