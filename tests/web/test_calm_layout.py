@@ -170,6 +170,7 @@ def test_what_is_shown_over_the_map_finds_its_place(
     )
     page.evaluate("document.getElementById('finds-mark').click()")
     for name, text in (
+        ("finds-hidden", "125 Funde ausgeblendet"),
         ("coordinate", "44.512340, 7.123450 ± 12 m (95 %)"),
         ("scale-bar", "50 m"),
         ("answer", "Frage …"),
