@@ -32,6 +32,7 @@ class SmallFlight:
         self.manifest = Manifest(root)
         self.estimates: list[Estimate] = []
         self.covered: list[CoveredRecord] = []
+        self.rejected = 0
         self.islands = [IslandEntry(id=0, bounds=(0, 0, 512, 512), minzoom=14, maxzoom=16, frames=1)]
 
     def paint(self, tile: Tile, colour: tuple[int, int, int], island: int = 0) -> None:
@@ -62,7 +63,8 @@ class SmallFlight:
 
     def write(self, newest: str | None = None) -> int:
         """Tell all that is here of the frames; returns the revision. `newest`: not the last of them."""
-        accounts = Accounts(frames=FrameAccount(placed=len(self.estimates)), events=EventAccount(matched=2, missing=1))
+        frames = FrameAccount(placed=len(self.estimates), rejected=self.rejected)
+        accounts = Accounts(frames=frames, events=EventAccount(matched=2, missing=1))
         if newest is None and self.estimates:
             newest = (self.covered or self.estimates)[-1].name
         newest_of = {one.vehicle: one.name for one in self.estimates if one.vehicle is not None}

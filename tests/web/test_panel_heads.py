@@ -1,6 +1,6 @@
 """A panel's head leaves its panel room, questions stand beside their answers, and one line of state is one line.
 
-In German, whose words are longest, at the sizes of a phone, a tablet and a laptop.
+In German, whose words are longest, at the sizes of a phone, upright and on its side, a tablet and a laptop.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.store.status import AircraftStatus
+from gcs_mosaic.store.manifest import IslandEntry
+from gcs_mosaic.store.status import AircraftStatus, Condition
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.server import WebServer
 from tests.sure import sure
@@ -24,6 +25,7 @@ from tests.web.small_flight import SmallFlight
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
 
 SIZES = [(390, 844), (820, 1180), (1366, 768)]
+LOW = [(844, 390), (667, 375), (683, 384)]  # phones on their side, a laptop at 200 %
 ROW = 44 + 8  # CSS pixels of what is pressed, and of the space below
 
 
@@ -37,12 +39,16 @@ def url(tmp_path_factory: pytest.TempPathFactory, page: Page) -> Iterator[str]:
 
 @pytest.fixture(params=SIZES, ids=str)
 def opened(request: pytest.FixtureRequest, page: Page, url: str) -> Page:
-    page.resize(*request.param)
+    in_german(page, url, request.param)
+    return page
+
+
+def in_german(page: Page, url: str, size: tuple[int, int]) -> None:
+    page.resize(*size)
     page.open(url)
     page.evaluate("localStorage.setItem('gcs-mosaic language', 'de')")
     page.open(url)
     page.wait_for("document.querySelectorAll('.leaflet-tile-loaded img').length > 0")
-    return page
 
 
 def apart(page: Page, one: str, other: str) -> float:
@@ -64,6 +70,39 @@ def test_a_panels_head_is_a_title_with_its_end_and_two_rows_of_tabs(opened: Page
         height = opened.evaluate("document.querySelector('#side > header').offsetHeight")
         assert height <= 3 * ROW + 16, name
         assert opened.evaluate("document.getElementById('side').scrollWidth <= innerWidth"), name
+
+
+@pytest.mark.parametrize("size", LOW, ids=str)
+def test_in_a_low_window_a_panel_has_its_height_beside_the_map(page: Page, url: str, size: tuple[int, int]) -> None:
+    """Its head is one line, in which the tab of the open panel can be seen."""
+    in_german(page, url, size)
+    page.evaluate("void (window.box = (id) => document.getElementById(id).getBoundingClientRect())")
+    for name in page.evaluate("[...document.querySelectorAll('section.panel')].map(({ id }) => id)"):
+        page.evaluate(f"document.getElementById('open-{name}').click()")
+        head = "document.querySelector('#side > header').getBoundingClientRect()"
+        assert page.evaluate(f"(box('side').bottom - {head}.bottom) / innerHeight") >= 0.6, name
+        assert page.evaluate("box('pane').width") >= 0.4 * size[0], name
+        assert page.evaluate("pane.offsetLeft + pane.offsetWidth <= side.offsetLeft"), name
+        assert page.evaluate("box('pane').height") >= 0.8 * size[1], name
+        assert page.evaluate("side.offsetLeft + side.offsetWidth <= innerWidth"), name
+        tab = f"box('open-{name}')"
+        if not page.evaluate("document.getElementById('tabs').hidden"):
+            assert page.evaluate(f"{tab}.left >= box('tabs').left - 1 && {tab}.right <= box('tabs').right + 1"), name
+
+
+def test_in_a_low_window_the_state_is_told_beside_many_parts(page: Page, flight: SmallFlight) -> None:
+    flight.islands += [IslandEntry(id=n, bounds=(0, 0, 512, 512), minzoom=14, maxzoom=16, frames=9) for n in (1, 2)]
+    flight.write()
+    flight.status(conditions=(Condition(key="islands", level="warning", text="The map is in parts", since_utc=1.7e9),))
+    with served(flight.root) as own:
+        in_german(page, own, (667, 375))
+        page.wait_for("document.querySelectorAll('#conditions li').length === 1")
+        page.wait_for("document.getElementById('parts').innerText.includes('weitere Teile')")
+        assert page.evaluate("document.querySelector('#state b').getBoundingClientRect().right") < page.evaluate(
+            "document.querySelector('#state span').getBoundingClientRect().left"
+        )
+        assert page.evaluate("document.querySelector('#state span').getBoundingClientRect().width") > 120
+        page.open("about:blank")
 
 
 def test_a_question_of_the_mission_takes_no_more_than_three_lines(opened: Page) -> None:

@@ -294,25 +294,100 @@ def test_nothing_hinders_who_sees_hears_or_moves_otherwise(page: Page, url: str,
 
 @pytest.mark.long
 def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
-    someone = Person(page, url)
+    someone = Person(page, url, (844, 390))  # where the sheet is longer than the window
 
     def key(name: str) -> None:
         page.command("Input.dispatchKeyEvent", type="keyDown", key=name, text=name if len(name) == 1 else "")
 
     key("?")
     page.wait_for("document.getElementById('help').open")
+    assert page.evaluate("document.getElementById('help').scrollTop") == 0
     someone.press("help-close")
-    for number, panel in enumerate(PANELS[:9], 1):  # in the order of the buttons
-        key(str(number))
-        page.wait_for(f"!document.getElementById('{panel}').hidden")
-    key(str(1 + PANELS.index("measure")))
-    page.wait_for("!document.getElementById('measure').hidden")
+    told = page.evaluate("document.querySelector('#help-keys dd').textContent").split(", ")
+    assert [one[0] for one in told] == list("1234567890")
+    for digit, panel in (one.split("\u00a0", 1) for one in told):
+        key(digit)
+        page.wait_for(f"document.querySelector('section.panel:not([hidden])')?.ariaLabel === {json.dumps(panel)}")
     key("m")
     someone.sees("hint", "Click where the find is.")
     key("Escape")
     page.wait_for("document.getElementById('hint').hidden")
     key("n")
     page.wait_for("document.getElementById('newest').getAttribute('aria-pressed') === 'true'")
+
+
+OPEN = """["help", "originals", "sheet", "hint", "finds-form", "side", "looking"].filter((id) => {
+  const one = document.getElementById(id);
+  return one.localName === "dialog" ? one.open : one.getClientRects().length > 0;
+})"""
+
+
+@pytest.mark.long
+def test_escape_closes_one_thing_the_innermost_first_wherever_the_keyboard_is(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-reviews")
+    someone.press("looking-begin")
+    page.wait_for(f"{OPEN}.join() === 'looking'")
+    page.evaluate("document.getElementById('map').focus()")
+    page.key(str(1 + PANELS.index("finds")))
+    someone.press("finds-mark")
+    someone.click(500, 400)
+    page.wait_for("!document.getElementById('finds-form').hidden")
+    someone.press("finds-mark")
+    someone.press("state")
+    page.evaluate("document.getElementById('originals').hidden = false")
+    page.evaluate("document.getElementById('open-help').click()")
+    order = ["help", "originals", "sheet", "hint", "finds-form", "side", "looking"]
+    for at in range(len(order)):
+        assert page.evaluate(OPEN) == order[at:]
+        page.key("Escape")
+    assert page.evaluate(OPEN) == []
+    assert page.complaints == []
+
+
+@pytest.mark.long
+def test_a_panel_that_a_digit_opened_over_the_map_is_closed_there(page: Page, url: str) -> None:
+    Person(page, url)
+    page.evaluate("document.getElementById('map').focus()")
+    for digit in "1234567890":
+        page.key(digit)
+        assert page.evaluate(OPEN) == ["side"]
+        page.key("Escape")
+        assert page.evaluate(OPEN) == []
+        assert page.evaluate("document.activeElement.id") == "map"
+
+
+@pytest.mark.long
+def test_many_finds_can_be_hidden_and_a_new_one_shows_them_again(page: Page, url: str) -> None:
+    writer = Writer(url)
+
+    def mark(number: int) -> None:
+        writer.send(
+            "POST", "/finds", {"island": 0, "x": 9.0 * number, "y": 90, "label": f"find {number}", "who": "Ann"}
+        )
+
+    markers = "document.querySelectorAll('.find').length"
+    for number in range(1, 4):
+        mark(number)
+    someone = Person(page, url)
+    page.wait_for(f"{markers} === 3")
+    someone.press("open-finds")
+    someone.press("finds-show")
+    page.wait_for(f"{markers} === 0")
+    someone.sees("finds-hidden", "3 finds hidden")
+    someone = Person(page, url)  # it is kept on the device
+    page.wait_for("document.querySelectorAll('#finds-list li').length === 3")
+    assert page.evaluate(markers) == 0
+    someone.sees("finds-hidden", "3 finds hidden")
+    someone.press("open-finds")
+    page.evaluate("document.querySelector('#finds-list [data-find]').click()")  # who goes to one sees it
+    page.wait_for(f"{markers} === 1")
+    someone.sees("finds-hidden", "2 finds hidden")
+    mark(4)
+    page.wait_for(f"{markers} === 4")
+    assert page.evaluate("document.getElementById('finds-hidden').hidden")
+    assert page.evaluate("document.getElementById('finds-show').getAttribute('aria-pressed')") == "true"
+    assert page.evaluate("localStorage.getItem('gcs-mosaic finds hidden')") is None
 
 
 @pytest.mark.long

@@ -408,6 +408,47 @@ def test_a_good_end_does_not_look_like_a_crash(page: Page, tmp_path: Path, fligh
     assert "it crashed or was killed" in said["flying"]
 
 
+def ended(page: Page, flight: SmallFlight, *lasting: Condition) -> tuple[str, str, str]:
+    """What the page says when a flight has ended under its eyes: the state's kind and text, and the farewell."""
+    server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed())
+    flight.write()
+    flight.status()
+    page.open(server.start())
+    page.wait_for("document.getElementById('state').className === 'good'")
+    flight.status(state="stopped", conditions=lasting)
+    page.wait_for("document.querySelector('#state b').textContent === 'Flight ended'")
+    server.stop()
+    page.wait_for("!document.getElementById('farewell').hidden")
+    state, farewell = (f"document.getElementById('{name}')" for name in ("state", "farewell"))
+    kind, *texts = (
+        " ".join(page.evaluate(text).split())
+        for text in (f"{state}.className", f"{state}.innerText", f"{farewell}.innerText")
+    )
+    shown = page.evaluate("[...document.querySelectorAll('#conditions li')].map((line) => line.textContent)")
+    assert shown == [one.text for one in lasting]
+    assert page.evaluate("document.getElementById('chip').hidden") == (not lasting)
+    page.open("about:blank")
+    return kind, texts[0], texts[1]
+
+
+@pytest.mark.long
+def test_a_flight_that_has_ended_tells_what_lasts_and_is_complete_only_in_one_part(
+    page: Page, flight: SmallFlight
+) -> None:
+    flight.place("a.jpg", 128, 128)
+    flight.rejected = 1
+    kind, state, farewell = ended(page, flight)
+    assert (kind, state) == ("calm", "Flight ended map final, 1 frame")
+    assert farewell.startswith("Ended, map final, 1 frame.")
+    flight.rejected = 0
+    flight.islands.append(replace(flight.islands[0], id=1))
+    parts = Condition(key="islands", level="warning", text="The map is in 2 parts", since_utc=time.time())
+    pairing = replace(parts, key="pairing", level="info", text="Which trigger belongs to which picture is ambiguous")
+    kind, state, farewell = ended(page, flight, parts, pairing)
+    assert (kind, state) == ("warn", "Flight ended The map is in 2 parts")
+    assert farewell.startswith("Ended, map final, 1 frame.")
+
+
 @pytest.mark.long
 def test_what_lasts_is_shown_by_how_bad_it_is_and_as_text(page: Page, url: str, flight: SmallFlight) -> None:
     condition = Condition(key="overlap", level="warning", text="<b>fly</b> back", since_utc=time.time())

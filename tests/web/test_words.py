@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.app.inputs.pairing_check import shots_later
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.detection.detection_map import SOME_GREY
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
@@ -21,20 +23,21 @@ from gcs_mosaic.handover.mission import NO_ANCHOR, TOO_LARGE, MissionWish, nothi
 from gcs_mosaic.handover.patches import NO_GROUND
 from gcs_mosaic.integral.ground_tiles import FAILED, FROM_AFAR
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
+from gcs_mosaic.mavlink.monitor import _left_out_text
 from gcs_mosaic.store.disk import CannotWrite, telling_disk_full
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.guard import PUT_BACK
-from gcs_mosaic.store.records import FrameState
+from gcs_mosaic.store.records import FrameState, NoticeRecord
 from gcs_mosaic.store.retry import ADVICE, UntilWritable
+from gcs_mosaic.triggers.doubts import Doubts
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import area_words, legends
-from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api.detection import GREY, NO_SCALE
 from gcs_mosaic.web.app import VIEWER
-from gcs_mosaic.web.server import WebServer
 from tests.app.status.test_conditions import FLYING, NEWS
-from tests.web.browser import CHROMIUM, open_browser
-from tests.web.seen_flight import seen_flight
+from tests.web.browser import CHROMIUM, Page
+from tests.web.served import served
+from tests.web.small_flight import SmallFlight
 
 STRING = r'"((?:[^"\\]|\\.)*)"'
 SCRIPTS = sorted(path for path in VIEWER.glob("*.js") if path.stem not in ("words.de", "sw"))
@@ -42,6 +45,15 @@ SCRIPTS = sorted(path for path in VIEWER.glob("*.js") if path.stem not in ("word
 TABLES = {"hints.js": ("REASONS", "STATES"), "keys.js": ("KEYS",)}
 # The same everywhere, and what the scripts fill in.
 AS_THEY_ARE = {"", "✕", "▲", "N", "◀", "▶", "?", "gcs-mosaic", "44.51234, 7.12345", "CSV", "KML", "GeoJSON"}
+
+
+# Pairs in doubt: by how many shots, how many, and whether only a part was looked at.
+DOUBTS: list[tuple[tuple[int, ...], int, bool]] = [
+    ((-2, 1), 12, False),
+    ((1,), 1, False),
+    ((), 3, False),
+    ((), 3, True),
+]
 
 
 def german() -> dict[str, str]:
@@ -100,6 +112,7 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
     scripts = "".join(path.read_text("utf-8") for path in SCRIPTS)
     served = [
         *sentences_of_the_server(),
+        *notices_of_the_server(),
         *(NO_SCALE, GREY, SOME_GREY, PALETTE, TOO_SMALL, FAILED, FROM_AFAR, NO_GROUND, TOO_LARGE),
         *(word for one in legends(merged=True) for word in (one.title, one.worst, one.best)),
     ]
@@ -109,7 +122,9 @@ def test_no_german_word_is_left_over_or_lacks_what_is_filled_in() -> None:
         for english in german()
         if english not in used and json.dumps(english, ensure_ascii=False) not in scripts
     }
-    assert {one for one in unused if not any(_fills(one, sentence) for sentence in served)} == set()
+    left = {one for one in unused if not any(_fills(one, sentence) for sentence in served)}
+    program = _program()
+    assert {one for one in left if not all(piece in program for piece in _pieces(one))} == set()
     slots = {english: (set(_slots(english)), set(_slots(own))) for english, own in german().items()}
     assert {english for english, (one, other) in slots.items() if one != other} == set()
 
@@ -125,10 +140,23 @@ def sentences_of_the_server() -> list[str]:
         conditions.so_now(facts)
         told += [one.text for one in conditions.so_now(replace(facts, utc=facts.utc + 11))]
     told += sentences_of_the_disk()
+    told += [Doubts(shifts, pairs, 14, is_part).text() for shifts, pairs, is_part in DOUBTS]
     lost = Conditions()
     for vehicle in (None, None, None, 2, 2, 2):
         lost.frame(FrameState.WAITING, vehicle)
     return told + [one.text for one in lost.so_now(FLYING)]
+
+
+def notices_of_the_server() -> list[str]:
+    """Some of what is told as it happens: those that are put together out of the most pieces."""
+    found_again = Conditions()
+    for state in (FrameState.WAITING, FrameState.WAITING, FrameState.PLACED):
+        found_again.frame(state)
+        found_again.so_now(FLYING)
+    told = [one.text for one in found_again.fresh()]
+    told += [_left_out_text(7, 1, "the first to trigger a camera", ())]
+    told += ["ending: working off 3 frames, then painting the final map, at most 60 s (again Ctrl-C: at once)"]
+    return told + [shots_later(shift) for shift in (-2, -1, 1, 2)]
 
 
 def sentences_of_the_disk() -> list[str]:
@@ -157,6 +185,18 @@ def sentences_of_the_disk() -> list[str]:
     return [*told, "/m/flight.sqlite is locked by another program: close it there, then it goes on"]
 
 
+def _program() -> str:
+    """The words of the program: its source, strings that go over several lines in one piece."""
+    source = "".join(path.read_text("utf-8") for path in VIEWER.parents[1].rglob("*.py"))
+    return re.sub(r'"\s*f?"', "", source)
+
+
+def _pieces(text: str) -> list[str]:
+    """What stands between what is filled in, of at least two letters: notices are put together out of such pieces."""
+    pieces = re.split(r"\{\w+\}|[(),:;]", text)
+    return [piece.strip() for piece in pieces if len(piece.strip()) > 1]
+
+
 def _slots(text: str) -> list[str]:
     return re.findall(r"\{(\w+)\}", text)
 
@@ -165,22 +205,49 @@ def _fills(template: str, sentence: str) -> bool:
     return re.fullmatch(re.sub(r"\\\{\w+\\\}", ".+", re.escape(template)), sentence) is not None
 
 
-@pytest.mark.long
-@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
-def test_sentences_of_the_server_are_told_in_german(tmp_path: Path) -> None:
-    seen_flight(tmp_path)
-    server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0))
-    with open_browser(tmp_path / "profile") as page:
-        url = server.start()
+@contextmanager
+def in_german(page: Page, flight: SmallFlight) -> Iterator[None]:
+    """The page of a flight, as long as a block lasts."""
+    with served(flight.root) as url:
         page.open(url)
         page.evaluate("localStorage.setItem('gcs-mosaic language', 'de')")
         page.open(url)
         page.wait_for("document.getElementById('open-finds')?.innerText === 'Funde'")
+        try:
+            yield
+        finally:
+            page.evaluate("localStorage.removeItem('gcs-mosaic language')")
+            page.open("about:blank")
+
+
+@pytest.mark.long
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_sentences_of_the_server_are_told_in_german(page: Page, flight: SmallFlight) -> None:
+    with in_german(page, flight):
         page.evaluate("import('/viewer/page.js').then(({ modules }) => { window.said = modules.words.said; })")
         page.wait_for("!!window.said")
         sentence = "The last 3 frames match nothing on the map: fly back over ground that is on it"
         assert page.evaluate(f"said({json.dumps(sentence)})").startswith("Die letzten 3 Bilder")
-        left = [one for one in sentences_of_the_server() if page.evaluate(f"said({json.dumps(one)})") == one]
-        page.open("about:blank")
-    server.stop()
+        sentences = [*sentences_of_the_server(), *notices_of_the_server()]
+        left = [one for one in sentences if page.evaluate(f"said({json.dumps(one)})") == one]
     assert left == []
+
+
+@pytest.mark.long
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_what_happened_is_told_in_german_and_no_sentence_is_taken_for_another(page: Page, flight: SmallFlight) -> None:
+    """A sentence of few words of its own, as "{n} of {all}", would take any notice with such a word in it."""
+    lasting = "The last 3 frames match nothing on the map: fly back over ground that is on it"
+    doubts = Doubts(shifts=(-2, 1), pairs=12, of=14).text("/flights/2 or 3")
+    heard = "udp:1 is heard again after 15 s"
+    unknown = ["a lens of glass is said to be 5 s ago", "for reasons of its own", "5 of 6"]
+    texts = [*unknown, heard, doubts, lasting]
+    flight.status(notices=tuple(NoticeRecord(utc=1.7e9, source="", level="info", text=text) for text in texts))
+    with in_german(page, flight):
+        page.wait_for(f"document.querySelectorAll('#notices li').length === {len(texts)}")
+        told = page.evaluate("[...document.querySelectorAll('#notices li span')].map((one) => one.textContent)")
+    assert told[0].startswith("Die letzten 3 Bilder")
+    assert "(12 Bilder von 14): jedes könnte ebenso gut 2 Aufnahmen früher oder 1 Aufnahme später gehören" in told[1]
+    assert "gcs-mosaic pair /flights/2 or 3 --shift -2 oder --shift 1 wählt das" in told[1]
+    assert told[2] == "udp:1 ist nach 15 s wieder zu hören"
+    assert told[3:] == unknown[::-1]

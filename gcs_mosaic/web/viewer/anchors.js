@@ -2,7 +2,8 @@
 // Anchors: pins that say what coordinate a place has, and the coordinate under the cursor with its error.
 
 import { send, trying } from "/viewer/api.js";
-import { byId } from "/viewer/dom.js";
+import { byId, isVisible } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { cornerOf, Laying } from "/viewer/laying.js";
 import { metresIn } from "/viewer/numbers.js";
 import { openPanel } from "/viewer/panels.js";
@@ -35,6 +36,7 @@ export class Anchors {
     this.form.onsubmit = (event) => this.save(event);
     this.go.onsubmit = (event) => this.goTo(event);
     byId("anchors-cancel").onclick = () => this.endForm();
+    closeByEscape("form", () => isVisible(this.form), () => this.endForm());
     this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
     for (const name of NOTATIONS) this.notation.append(new Option(name === "decimal" ? t("Degrees") : name.toUpperCase(), name));
     map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
@@ -118,6 +120,7 @@ export class Anchors {
   endForm() {
     this.form.hidden = true;
     this.chosen.clear();
+    this.set.focus();
   }
 
   async goTo(event) {

@@ -32,3 +32,11 @@ export function element(tag, properties = {}, ...children) {
   made.append(...children);
   return made;
 }
+
+/**
+ * Whether an element takes room on the page: it is not hidden, nor is what it lies in.
+ * @param {Element} node
+ */
+export function isVisible(node) {
+  return node.getClientRects().length > 0;
+}

@@ -2,8 +2,10 @@
 // Finds: markers with a note, who and when, on the map and in a list; shared by all open pages.
 
 import { send, setWho, trying, who } from "/viewer/api.js";
-import { byId, element, focusedIn } from "/viewer/dom.js";
+import { byId, element, focusedIn, isVisible } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { handOver } from "/viewer/handing.js";
+import { Markers } from "/viewer/markers.js";
 import { openPanel } from "/viewer/panels.js";
 import { ChosenPlace } from "/viewer/pointing.js";
 import { fetchDocument } from "/viewer/server.js";
@@ -22,7 +24,7 @@ export class Finds {
     /** @type {Api.Find[]} */
     this.finds = [];
     this.sendsCot = false; // whether the settings name somebody
-    this.pins = L.layerGroup().addTo(map.map);
+    this.markers = new Markers(map, nameOf, (find) => this.open(find));
     this.chosen = new ChosenPlace(map);
     this.form = byId("finds-form");
     this.list = byId("finds-list");
@@ -36,6 +38,7 @@ export class Finds {
     this.mark.onclick = () => this.pointing.take(this.tool);
     this.form.onsubmit = (event) => this.save(event);
     byId("finds-cancel").onclick = () => this.endForm();
+    closeByEscape("form", () => isVisible(this.form), () => this.endForm());
     this.undo.querySelector("button").onclick = () => this.restore();
   }
 
@@ -50,7 +53,7 @@ export class Finds {
   }
 
   show() {
-    this.drawMarkers();
+    this.markers.show(this.finds);
     const focused = focusedIn("find");
     this.list.replaceChildren(...[...this.finds].reverse().map((find) => this.row(find)));
     if (focused) this.list.querySelector(`[data-find="${focused}"]`)?.focus();
@@ -58,21 +61,9 @@ export class Finds {
     byId("open-finds").textContent = this.finds.length ? `${t("Finds")}: ${this.finds.length}` : t("Finds");
   }
 
-  drawMarkers() {
-    const island = this.map.layer?.island;
-    this.drawn = island;
-    this.pins.clearLayers();
-    for (const find of this.finds.filter((one) => one.island === island)) {
-      const icon = L.divIcon({ className: "find", html: "", iconSize: [44, 44] });
-      const marker = L.marker([find.y, find.x], { icon, title: nameOf(find), alt: nameOf(find), keyboard: true }).on("click", () => this.open(find));
-      this.pins.addLayer(marker);
-      marker.getElement().replaceChildren(element("span", { className: "upright", textContent: find.id }));
-    }
-  }
-
   /** Markers are those of the island in view. */
   follow() {
-    if (this.map.layer && this.drawn !== this.map.layer.island) this.drawMarkers();
+    this.markers.follow();
   }
 
   /** @param {Api.Find} find */
@@ -104,6 +95,7 @@ export class Finds {
   /** @param {Api.Find} find */
   goTo(find) {
     if (this.map.layer?.island !== find.island) this.map.chooseIsland(find.island);
+    this.markers.showAlone(find);
     this.map.setMode("free");
     this.map.map.setView([find.y, find.x], Math.max(this.map.map.getZoom(), 16), { animate: false });
   }

@@ -4,6 +4,7 @@
 
 import { send } from "/viewer/api.js";
 import { byId, element } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { closePanels, isMapFree } from "/viewer/panels.js";
 import { t } from "/viewer/words.js";
 
@@ -37,6 +38,7 @@ export class Looking {
     byId("looking-later").onclick = () => this.next(true);
     byId("looking-mark").onclick = () => byId("finds-mark").click();
     document.addEventListener("keydown", (event) => this.onKey(event), { capture: true });
+    closeByEscape("looking", () => this.isOn(), () => this.end());
     this.listenForSwipes(map.map.getContainer());
     setInterval(() => this.tick(), TICK_MS);
     setInterval(() => this.keep(), KEEP_MS);
@@ -223,7 +225,7 @@ export class Looking {
 
   onKey(event) {
     const isElsewhere = !this.isOn() || event.target.matches?.("input, textarea, select") || !isMapFree();
-    const action = { ArrowRight: () => this.next(), " ": () => this.next(), Enter: () => this.next(), ArrowDown: () => this.next(true), Escape: () => this.end() }[event.key];
+    const action = { ArrowRight: () => this.next(), " ": () => this.next(), Enter: () => this.next(), ArrowDown: () => this.next(true) }[event.key];
     const isButton = event.target.matches?.("button") && (event.key === "Enter" || event.key === " ");
     if (isElsewhere || !action || (isButton && event.target.id !== "looking-next")) return;
     event.preventDefault();

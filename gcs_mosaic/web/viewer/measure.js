@@ -2,7 +2,8 @@
 // Lengths and areas on the map, in pixels, or in metres once a scale is known; the scale bar; a person's size at the cursor.
 
 import { send, trying } from "/viewer/api.js";
-import { byId } from "/viewer/dom.js";
+import { byId, isVisible } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { metresIn } from "/viewer/numbers.js";
 import { fetchDocument } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
@@ -39,6 +40,7 @@ export class Measure {
     }
     this.clear.onclick = () => this.clearAll();
     this.metres.onsubmit = (event) => this.saveScale(event);
+    closeByEscape("form", () => isVisible(this.metres), () => this.clearAll());
     this.person.onclick = () => this.togglePerson();
     map.map.on("zoomend moveend", () => this.showBar());
     map.map.on("mousemove", ({ containerPoint }) => this.movePerson(map.turn.inPane(containerPoint)));

@@ -2,6 +2,7 @@
 // A place on the map -> the original frames that saw it, one after another, each opened at that very spot.
 
 import { byId } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { fetchDocument } from "/viewer/server.js";
 import { SideBySide } from "/viewer/sidebyside.js";
 import { written } from "/viewer/times.js";
@@ -43,6 +44,7 @@ export class Originals {
     press("originals-beside", () => this.setBeside(!this.prefersBeside));
     this.onMark = null; // called with { frame, pixel } of what is in the middle
     document.addEventListener("keydown", (event) => this.key(event));
+    closeByEscape("originals", () => this.isOpen, () => this.close());
     this.followSwipes(byId("originals-head"));
   }
 
@@ -200,7 +202,7 @@ export class Originals {
 
   key({ key, target }) {
     if (!this.isOpen || target.matches?.("input, textarea, select")) return;
-    const action = { Escape: () => this.close(), s: () => this.setBeside(!this.prefersBeside), ArrowRight: () => this.step(1), ArrowLeft: () => this.step(-1), b: () => this.beside.isOpen || this.show(this.before) }[key];
+    const action = { s: () => this.setBeside(!this.prefersBeside), ArrowRight: () => this.step(1), ArrowLeft: () => this.step(-1), b: () => this.beside.isOpen || this.show(this.before) }[key];
     action?.();
   }
 

@@ -5,6 +5,7 @@
 // `closed`.
 
 import { byId } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 
 /** @type {NodeListOf<HTMLElement>} */
 const found = document.querySelectorAll("section.panel");
@@ -16,7 +17,7 @@ const last = new Map();
 /** Their ids, in the order of the buttons. */
 export const PANELS = panels.map(({ id }) => id);
 
-/** Make a tab for each panel, and let the phases' buttons open them; Escape closes the open one. */
+/** Make a tab for each panel, and let the phases' buttons open them; Escape closes the open one, wherever the keyboard is. */
 export function makePanels() {
   for (const panel of [...panels].reverse()) last.set(panel.dataset.phase, panel.id);
   for (const panel of panels) {
@@ -29,7 +30,7 @@ export function makePanels() {
     byId(`phase-${phase}`).onclick = () => (openPhase() === phase ? closePanels() : openPanel(last.get(phase)));
   }
   byId("side-close").onclick = closePanels;
-  side.addEventListener("keydown", ({ key }) => key === "Escape" && closePanels());
+  closeByEscape("panel", () => !side.hidden, closePanels);
 }
 
 /** Open a panel, or close it if it is open. */
@@ -45,7 +46,6 @@ export function openPanel(id) {
   side.hidden = false;
   setOpen(byId(id), true);
   byId("side-title").textContent = byId(id).ariaLabel;
-  side.scrollTop = 0;
   /** @type {NodeListOf<HTMLElement>} */
   const tabs = document.querySelectorAll("#tabs button");
   for (const tab of tabs) {
@@ -53,21 +53,29 @@ export function openPanel(id) {
     tab.setAttribute("aria-current", String(tab.id === `open-${id}`));
   }
   byId("tabs").hidden = panels.filter((panel) => panel.dataset.phase === phase).length < 2;
+  side.scrollTop = 0;
+  showTab(byId(`open-${id}`));
   showPhase(phase);
 }
 
-/** Close what is open, and give the keyboard back to its button. */
+/** Close what is open, and give the keyboard back to its button, but for whom moves the map with it. */
 export function closePanels() {
   const phase = openPhase();
   for (const panel of panels) setOpen(panel, false);
   side.hidden = true;
   showPhase("");
-  if (phase) byId(`phase-${phase}`).focus();
+  if (phase && !byId("map").contains(document.activeElement)) byId(`phase-${phase}`).focus();
 }
 
 /** Whether nothing lies over the map or beside it that somebody may be reading instead of looking. */
 export function isMapFree() {
   return [side, byId("originals"), byId("sheet")].every(({ hidden }) => hidden) && !document.querySelector("dialog[open]");
+}
+
+/** Where a low window has all tabs in one line, that of the open panel is in sight. */
+function showTab(tab) {
+  const tabs = byId("tabs");
+  tabs.scrollLeft = tab.offsetLeft - tabs.offsetLeft - (tabs.clientWidth - tab.offsetWidth) / 2;
 }
 
 function openPhase() {

@@ -2,6 +2,7 @@
 // What a click on the map means: usually the originals of that place; while a tool points, the tool's.
 
 import { byId } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { t } from "/viewer/words.js";
 
 export class Pointing {
@@ -18,7 +19,7 @@ export class Pointing {
     }
     map.onPlace = (island, x, y) => (this.tool ? this.tool.place(island, x, y) : this.usual(island, x, y));
     map.map.on("mousemove", ({ latlng }) => this.tool?.move?.(latlng.lng, latlng.lat));
-    document.addEventListener("keydown", ({ key }) => key === "Escape" && this.release());
+    closeByEscape("tool", () => this.tool !== null, () => this.release());
   }
 
   /** `tool`: { button, said, place(island, x, y), move(x, y)?, end()? }; the one before it ends. */

@@ -4,6 +4,7 @@
 // Red is kept for what must not be overlooked: that the page itself cannot be trusted. Losses are yellow.
 
 import { byId, element } from "/viewer/dom.js";
+import { closeByEscape } from "/viewer/escape.js";
 import { ageOf } from "/viewer/server.js";
 import { written } from "/viewer/times.js";
 import { said, t } from "/viewer/words.js";
@@ -12,6 +13,7 @@ const QUIET_AFTER_S = 8; // the daemon writes its status each two seconds or mor
 const HUNG_AFTER_S = 30; // a very busy machine gives it no turn for many seconds
 const LATE_AFTER_S = 10; // changes are asked for each two seconds if nobody tells them
 const NOTICES = 50;
+const OWN_WORDS = 2; // of a sentence that a notice may be: notices are of many kinds
 const WORST = ["error", "warning", "info"];
 
 /**
@@ -40,7 +42,7 @@ export function makeSheet() {
     for (const one of buttons) one.setAttribute("aria-expanded", String(isOpen));
   };
   for (const one of buttons) one.onclick = () => open(sheet.hidden);
-  document.addEventListener("keydown", ({ key }) => key === "Escape" && open(false));
+  closeByEscape("sheet", () => !sheet.hidden, () => open(false));
   byId("map").addEventListener("pointerdown", () => open(false));
   // What lies at the foot of the map makes room for what is said there.
   const texts = ["alarm", "farewell"].map(byId);
@@ -52,14 +54,14 @@ export function makeSheet() {
 /** The state with the worst condition as its sentence: one thing is told, and once. */
 function withWorst(state, conditions) {
   const worst = conditions.find(({ level }) => level === "error") ?? conditions.find(({ level }) => level === "warning");
-  if (!worst || state.kind === "bad" || state.kind === "calm") return state;
+  if (!worst || state.kind === "bad") return state;
   if (state.isOld && worst.level !== "error") return state;
   return { ...state, kind: worst.level === "error" ? "bad" : "warn", detail: said(worst.text) };
 }
 
 /** How much of all frames is in view: parts that are not shown are always in sight. */
 function showParts(mosaic, island, gaps) {
-  const parts = mosaic?.islands.filter((one) => one.merged_into === undefined) ?? [];
+  const parts = partsOf(mosaic);
   const all = parts.reduce((sum, { frames }) => sum + frames, 0);
   const others = parts.length - 1;
   const texts = others > 0 && island
@@ -76,9 +78,8 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   const name = status?.flight ?? mosaic?.flight;
   const again = t("To open it again: gcs-mosaic serve {name}", { name });
   if (status?.state === "stopped" && (hasEnded || lostSeconds)) {
-    const frames = mosaic ? `, ${frameCount(mosaic.frames.placed + (mosaic.frames.covered ?? 0))}` : "";
-    const complete = t("map complete{frames}", { frames });
-    return { kind: "calm", title: t("Flight ended"), detail: complete, farewell: `${t("Ended, {complete}.", { complete })} ${again}` };
+    const map = finalMap(mosaic);
+    return { kind: "calm", title: t("Flight ended"), detail: map, farewell: `${t("Ended, {map}.", { map })} ${again}` };
   }
   if (!hasEnded) return null;
   if (!status) {
@@ -88,6 +89,20 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   const crashed = t("gcs-mosaic has ended without finishing: it crashed or was killed.");
   const alarm = `${crashed} ${seenFrom(status.updated)} ${t("Start it again with the same words: the flight goes on by itself.")}`;
   return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
+}
+
+/** What has become of the map: complete only if it is in one part, and all frames that came are on it. */
+function finalMap(mosaic) {
+  if (!mosaic) return t("map final{frames}", { frames: "" });
+  const { placed, covered, pending, waiting, rejected, damaged, dropped, unstitched } = mosaic.frames;
+  const left = [pending, waiting, rejected, damaged, dropped, unstitched].some((count) => count > 0);
+  const frames = `, ${frameCount(placed + (covered ?? 0))}`;
+  return left || partsOf(mosaic).length > 1 ? t("map final{frames}", { frames }) : t("map complete{frames}", { frames });
+}
+
+/** @param {Api.Mosaic | null} mosaic */
+function partsOf(mosaic) {
+  return mosaic?.islands.filter((one) => one.merged_into === undefined) ?? [];
 }
 
 /** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old, `isOld`: it is, by some seconds. */
@@ -162,7 +177,7 @@ function showCounts(status, mosaic, island) {
   const entries = source ? [...frameCounts(source.frames), ...eventCounts(source.events)] : [];
   if (status && !status.mavlink?.length && !source.events.matched) drop(entries, t("Triggers matched"));
   entries.push(...linkCounts(status?.mavlink ?? []));
-  const islands = mosaic?.islands.filter((one) => one.merged_into === undefined).length ?? 0;
+  const islands = partsOf(mosaic).length;
   if (source) entries.push([t("Islands"), islands, islands > 1 ? "warn" : ""]);
   if (island?.held_out_px) entries.push(fit(island.held_out_px));
   if (status?.last_frame) entries.push(lastFrame(status));
@@ -271,14 +286,14 @@ function showConditions(conditions) {
 /** @param {Api.Notice[]} notices */
 function showNotices(notices) {
   const newest = notices.slice(-NOTICES).reverse();
-  const lines = newest.map(({ time, level, text }) => {
-    const line = element("li", { className: "" });
-    line.append(element("time", { textContent: written(time) }), element("span", { className: level, textContent: text }));
-    return line;
-  });
   const shown = newest.map(({ time, text }) => `${time} ${text}`).join();
   if (byId("notices").dataset.shown === shown) return; // who reads and scrolls is not disturbed
   byId("notices").dataset.shown = shown;
+  const lines = newest.map(({ time, level, text }) => {
+    const line = element("li", { className: "" });
+    line.append(element("time", { textContent: written(time) }), element("span", { className: level, textContent: said(text, OWN_WORDS) }));
+    return line;
+  });
   byId("notices").replaceChildren(...lines);
 }
 

@@ -39,22 +39,35 @@ export function t(english, values = {}) {
   return (table[english] ?? english).replace(/\{(\w+)\}/g, (whole, name) => values[name] ?? whole);
 }
 
-/** A sentence of the server in the language of whoever looks; its numbers and names are found by the table's own sentences. */
-export function said(english) {
+/**
+ * A sentence of the server in the language of whoever looks; its numbers and names are found by the table's own sentences: those
+ * that have so many words besides, for one of few takes any sentence for its own.
+ */
+export function said(english, leastWords = 0) {
   if (english in table) return table[english];
-  for (const [pattern, own] of patterns()) {
+  for (const [pattern, own] of patterns().filter(([, , words]) => words >= leastWords)) {
     const found = pattern.exec(english);
-    if (found) return own.replace(/\{(\w+)\}/g, (whole, name) => found.groups[name] ?? whole);
+    if (found) return own.replace(/\{(\w+)\}/g, (whole, name) => filledIn(name, found.groups[name]) ?? whole);
   }
   return english;
+}
+
+/** A name or number as it is; what is called `any_…` is words of the server, one or several to choose from. */
+function filledIn(name, text) {
+  return name.startsWith("any_") ? text?.split(" or ").map((one) => said(one)).join(` ${t("or")} `) : text;
 }
 
 /** Those sentences of the table that have room for something, the longest first: it is the most particular. */
 function patterns() {
   made ??= Object.entries(table).filter(([english]) => english.includes("{"))
     .sort(([one], [other]) => other.length - one.length)
-    .map(([english, own]) => [new RegExp(`^${escaped(english).replace(/\\\{(\w+)\\\}/g, "(?<$1>.+)")}$`), own]);
+    .map(([english, own]) => [new RegExp(`^${escaped(english).replace(/\\\{(\w+)\\\}/g, "(?<$1>.+?)")}$`), own, wordsOf(english)]);
   return made;
+}
+
+/** How many words a sentence has but for those that are filled in. */
+function wordsOf(english) {
+  return english.replace(/\{\w+\}/g, "").match(/\p{L}+/gu)?.length ?? 0;
 }
 
 function escaped(text) {
