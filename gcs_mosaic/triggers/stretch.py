@@ -6,7 +6,7 @@ clock, gaps in numbers) can contradict them. Names that a message gives are cert
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -26,6 +26,9 @@ _FITS = (
     0.9  # share of shots or files that must be paired before an ambiguous explanation is taken for want of a better one
 )
 _LEAST = 4  # pairs; with fewer, three might be chance
+_ANEW = (
+    0.5  # of the number before: a counter that falls below has begun anew, one of two shots in a wrong order has not
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,14 +110,22 @@ def _aligned(shots: Sequence[PendingEvent], frames: Sequence[PendingFrame]) -> A
 
     place = {id(frame): number for number, frame in enumerate(frames)}
     so_far = [(number, place[id(held.frame)]) for number, held in enumerate(shots) if id(held.frame) in place]
-    shot_clues = [ShotClue(held.moment, _counts(held)) for held in shots]
+    shot_clues = [ShotClue(held.moment, counts) for held, counts in zip(shots, _counts(shots), strict=True)]
     file_clues = [FileClue(held.numbers, held.frame.captured, held.frame.received) for held in frames]
     return align(shot_clues, file_clues, pairs_so_far=so_far)
 
 
-def _counts(held: PendingEvent) -> dict[object, int]:
-    """Its number by each source, and those in the file names that were told of it."""
-    counts: dict[object, int] = dict(held.counts)
-    for _, hint in held.hints:
-        counts.update(numbers_in(hint))
-    return counts
+def _counts(shots: Iterable[PendingEvent]) -> Iterator[dict[Hashable, int]]:
+    """Of each shot, in their order, its number by each source, and those in the file names that were told of it. A counter that
+    has begun anew (a reboot, its end) is another one from then on: file numbers go on."""
+    begun = dict[Hashable, tuple[int, int]]()  # how often, and the last number
+    for held in shots:
+        counts = dict[Hashable, int]()
+        for stream, count in held.counts:
+            times, last = begun.get(stream, (0, count))
+            times += count < last * _ANEW
+            begun[stream] = times, count
+            counts[stream, times] = count
+        for _, hint in held.hints:
+            counts.update(numbers_in(hint))
+        yield counts

@@ -97,6 +97,18 @@ def test_files_that_come_late_by_more_than_the_time_between_two_shots_shift_none
     assert not flight.pairing.doubts
 
 
+@pytest.mark.parametrize("first", [65_530, 9], ids=["its end", "a reboot"])
+def test_a_counter_that_begins_anew_makes_nothing_ambiguous(first: int) -> None:
+    """At an even pace and without losses; the file numbers go on."""
+    items = list[tuple[int, TriggerEvent] | Frame]()
+    for number in range(16):
+        count = first + number if number < 6 else number - 6
+        items += [(number, shot(0.5 * number, count)), frame(f"DSC{4711 + number:05}.JPG", 0.5 * number + 0.35)]
+    flight = closed(Flight().fly(*items))
+    assert flight.pairs() == {number: f"DSC{4711 + number:05}.JPG" for number in range(16)}
+    assert not flight.pairing.doubts
+
+
 COUNT = 14
 
 
