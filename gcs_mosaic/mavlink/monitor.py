@@ -163,6 +163,7 @@ class Listener:
             refused=refused,
             sent=sent,
             is_crowded=self._gate.is_crowded,
+            hears_ground_station=self._ground_station == "heard",
         )
 
     def _is_news(self, report: LinkReport, now: float) -> bool:

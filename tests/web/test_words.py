@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.app.inputs.pairing_check import shifted_text
+from gcs_mosaic.app.live.left_behind import LeftBehind, not_kept_words, unpainted_words, unstitched_words
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.detection.detection_map import SOME_GREY
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
@@ -21,18 +23,20 @@ from gcs_mosaic.handover.mission import NO_ANCHOR, TOO_LARGE, MissionWish, nothi
 from gcs_mosaic.handover.patches import NO_GROUND
 from gcs_mosaic.integral.ground_tiles import FAILED, FROM_AFAR
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
-from gcs_mosaic.store.disk import CannotWrite, telling_disk_full
+from gcs_mosaic.messages import Refusals
+from gcs_mosaic.store.disk import CannotWrite, DiskFull, telling_disk_full
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.guard import PUT_BACK
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import ADVICE, UntilWritable
+from gcs_mosaic.triggers.doubts import Doubts
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import area_words, legends
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.api.detection import GREY, NO_SCALE
 from gcs_mosaic.web.app import VIEWER
 from gcs_mosaic.web.server import WebServer
-from tests.app.status.test_conditions import FLYING, NEWS
+from tests.app.status.test_conditions import ENDED, FLYING, NEWS
 from tests.web.browser import CHROMIUM, open_browser
 from tests.web.seen_flight import seen_flight
 
@@ -124,7 +128,8 @@ def sentences_of_the_server() -> list[str]:
         conditions = Conditions()
         conditions.so_now(facts)
         told += [one.text for one in conditions.so_now(replace(facts, utc=facts.utc + 11))]
-    told += sentences_of_the_disk()
+    told += [one.text for _, facts in ENDED.values() for one in Conditions().at_the_end(facts)]
+    told += sentences_of_the_disk() + sentences_of_an_end()
     lost = Conditions()
     for vehicle in (None, None, None, 2, 2, 2):
         lost.frame(FrameState.WAITING, vehicle)
@@ -155,6 +160,26 @@ def sentences_of_the_disk() -> list[str]:
     told += [f"/m cannot be written: {obstacle}" for obstacle in (*gone, *strange)]
     told.append("/m is being written by another gcs-mosaic: end that one, then it goes on")
     return [*told, "/m/flight.sqlite is locked by another program: close it there, then it goes on"]
+
+
+def sentences_of_an_end() -> list[str]:
+    """What is left of a flight: old ranges, what there was no time for, what could not be written, pairs in doubt."""
+    refitted, out = Conditions(), Path("/m")
+    refitted.old_range = True
+    refused = Conditions()
+    links = [replace(FLYING.links[0], refused=Refusals(unsigned=k)) for k in range(1, 20)]
+    beside = [refused.so_now(replace(FLYING, utc=FLYING.utc + k, links=(link,))) for k, link in enumerate(links)][-1]
+    left = LeftBehind(frames=3, pictures_lost=0, triggers_lost=1)
+    doubts = [Doubts(pairs=n, of=9, shifts=shifts) for n in (1, 3) for shifts in ((), (1, -2))]
+    return [
+        *(one.text for one in (*refitted.at_the_end(FLYING), *beside)),
+        *(unstitched_words(3, out), unpainted_words(out), not_kept_words(["a", "b", "c", "d"], out)),
+        left.last_words(
+            DiskFull("the disk is full: free some space, then it goes on (/m/flight.sqlite could not be written)"), out
+        ),
+        *(one.text("/m") for one in (*doubts, Doubts(pairs=1, is_part=True), Doubts(pairs=3, is_part=True))),
+        shifted_text(out, 1, 1),
+    ]
 
 
 def _slots(text: str) -> list[str]:
