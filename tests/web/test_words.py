@@ -15,7 +15,13 @@ from pathlib import Path
 import pytest
 
 from gcs_mosaic.app.inputs.pairing_check import shifted_text
-from gcs_mosaic.app.live.left_behind import LeftBehind, not_kept_words, unpainted_words, unstitched_words
+from gcs_mosaic.app.live.left_behind import (
+    LeftBehind,
+    left_out_words,
+    not_kept_words,
+    unpainted_words,
+    unstitched_words,
+)
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.detection.detection_map import SOME_GREY
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
@@ -173,7 +179,7 @@ def sentences_of_an_end() -> list[str]:
     doubts = [Doubts(pairs=n, of=9, shifts=shifts) for n in (1, 3) for shifts in ((), (1, -2))]
     return [
         *(one.text for one in (*refitted.at_the_end(FLYING), *beside)),
-        *(unstitched_words(3, out), unpainted_words(out), not_kept_words(["a", "b", "c", "d"], out)),
+        *(left_out_words(3), unstitched_words(3, out), unpainted_words(out), not_kept_words(["a", "b", "c", "d"], out)),
         left.last_words(
             DiskFull("the disk is full: free some space, then it goes on (/m/flight.sqlite could not be written)"), out
         ),

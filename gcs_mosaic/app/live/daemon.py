@@ -26,7 +26,13 @@ from gcs_mosaic.app.inputs.inbox import Inbox, is_shot, keeping, record
 from gcs_mosaic.app.inputs.links import Item, ItemSource, Links
 from gcs_mosaic.app.inputs.pairing_check import contradiction_text
 from gcs_mosaic.app.live.flight_page import FlightPage
-from gcs_mosaic.app.live.left_behind import LeftBehind, not_kept_words, unpainted_words, unstitched_words
+from gcs_mosaic.app.live.left_behind import (
+    LeftBehind,
+    left_out_words,
+    not_kept_words,
+    unpainted_words,
+    unstitched_words,
+)
 from gcs_mosaic.app.live.operator_requests import OperatorRequests
 from gcs_mosaic.app.live.output import OutputFolder
 from gcs_mosaic.app.live.shutdown import Shutdown
@@ -502,9 +508,8 @@ class _Daemon:
         while len(self._inbox) and self._may_go_on():
             self._take_in(0.0)
             self._report()
-        if len(self._inbox):
-            text = f"{len(self._inbox)} files and messages that came last were left out, there was no time for them"
-            self.say(Notice(source="daemon", level="warning", text=text))
+        if left := len(self._inbox):
+            self._ends_without("left out", Notice(source="daemon", level="warning", text=left_out_words(left)))
 
     def _say_what_is_left(self) -> None:
         store = self._pipeline.store

@@ -12,6 +12,10 @@ SHOWN_NAMES = 3
 GOES_ON = ", then it goes on"
 
 
+def left_out_words(count: int) -> str:
+    return f"{count} files and messages that came last were left out, there was no time for them"
+
+
 def unstitched_words(count: int, out: Path) -> str:
     return f"{count} frames are not on the map, there was no time: gcs-mosaic --resume --out {out} goes on with them"
 
