@@ -204,6 +204,7 @@ class LinkReport:
     refused: Refusals = Refusals()
     sent: int = 0  # packets; 0 unless announcing is enabled
     is_crowded: bool = False  # whether more sources trigger cameras than an aircraft has
+    hears_ground_station: bool = False  # its heartbeats; those that forward others' packets may keep them to themselves
 
 
 class CameraCount(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def check(flight: Path, progress: Progress, *, every_tile: bool = False) -> Find
     ledger_part, originals = CheckedPart("ledger", "frames"), CheckedPart("originals", "files")
     tiles, documents = CheckedPart("tiles", "tiles"), CheckedPart("documents", "documents")
     checkpoint, strays = CheckedPart("checkpoint", "values"), CheckedPart("strays", "files")
-    notes = CheckedPart("notes", "notes")
+    notes, keeps_documents = CheckedPart("notes", "notes"), False
     parts = (ledger_part, originals, tiles, documents, checkpoint, strays, notes)
     check_notes(flight, notes)
     with ledger_copy(flight, written=written) as opened:
@@ -61,10 +62,11 @@ def check(flight: Path, progress: Progress, *, every_tile: bool = False) -> Find
             else:
                 tiles.notes.append("not painted again: --tiles compares each with ledger and originals")
             check_documents(flight, ledger, shown.layout.extents, documents)
+            keeps_documents = has_lost_the_map(flight, ledger)
         if not written:
             check_checkpoint(flight, ledger, checkpoint)
             check_strays(flight, strays)
-    return Findings(str(flight), parts)
+    return Findings(str(flight), parts, keeps_documents=keeps_documents)
 
 
 def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Findings:
@@ -74,13 +76,12 @@ def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Fi
     `sources`: folders in which damaged originals are sought, beside those that the flight has watched.
     """
     refuse_strange_parts(find_flight(flight))
-    lock = _locked(flight)
+    lock, unread = _locked(flight), list[str]()
     try:
-        done = list(_repaired(flight, progress, [*sources, *_watched(flight)]))
+        done = list(_repaired(flight, progress, [*sources, *_watched(flight)], unread))
     finally:
         lock.release()
-    found = check(flight, progress, every_tile=True)
-    return Findings(found.flight, found.parts, done)
+    return replace(check(flight, progress, every_tile=True), repaired=done, unread="; ".join(unread))
 
 
 def check_checkpoint(flight: Path, ledger: Ledger, part: CheckedPart) -> None:
@@ -114,8 +115,8 @@ def check_strays(flight: Path, part: CheckedPart) -> None:
         part.fault(path.relative_to(flight).as_posix(), "a link or a device, which is not followed")
 
 
-def _repaired(flight: Path, progress: Progress, sources: Sequence[Path]) -> Iterator[str]:
-    """What is done, step by step."""
+def _repaired(flight: Path, progress: Progress, sources: Sequence[Path], unread: list[str]) -> Iterator[str]:
+    """What is done, step by step; what could not be read of a damaged ledger is added to `unread`."""
     for path in list(_unfinished(flight)):
         inside.remove(path, flight)
         yield f"{path.relative_to(flight)} was removed: it was never finished"
@@ -123,7 +124,9 @@ def _repaired(flight: Path, progress: Progress, sources: Sequence[Path]) -> Iter
         lost = isinstance(opened, DamagedLedger)
         version = VERSION if isinstance(opened, DamagedLedger) else opened[1]
     if lost:
-        yield salvage(flight)
+        salvaged = salvage(flight)
+        unread += [salvaged.unread] if salvaged.unread else []
+        yield salvaged.said
     if version != VERSION:
         yield f"the ledger was brought from version {version} of the schema to {VERSION}"
     with Ledger(flight / LEDGER_NAME) as ledger:

@@ -37,15 +37,25 @@ class CheckedPart:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """The result of a check; `repaired` says what was done about it."""
+    """The result of a check; `repaired` says what was done about it, `unread` what of a damaged ledger could not be read then.
+
+    `keeps_documents`: whether a repair leaves the documents, which tell more of the map than the ledger.
+    """
 
     flight: str
     parts: Sequence[CheckedPart]
     repaired: Sequence[str] = ()
+    unread: str = ""
+    keeps_documents: bool = False
 
     @property
     def is_whole(self) -> bool:
         return not any(part.faults for part in self.parts)
+
+    @property
+    def is_beyond_repair(self) -> bool:
+        """Whether a repair changes nothing of what is wrong."""
+        return self.keeps_documents and {part.name for part in self.parts if part.faults} == {"documents"}
 
     @property
     def resumable(self) -> bool:

@@ -50,13 +50,15 @@ def show(found: Findings, console: Console, *, mended: bool) -> None:
 
 def verdict(found: Findings, *, mended: bool) -> str:
     """One sentence."""
+    if found.is_whole and found.unread:
+        return f"{found.flight} is whole again, but for what is lost: {found.unread}"
     if found.is_whole:
         return f"{found.flight} is whole"
     faults = sum(len(part.faults) for part in found.parts)
     count = "1 fault" if faults == 1 else f"{faults} faults"
-    if mended:
+    if mended or found.is_beyond_repair:
         frames = Path(found.flight) / "frames"
-        resume = "gcs-mosaic --resume may bring it back, " if found.resumable else ""
+        resume = f"gcs-mosaic --resume --out {found.flight} may bring it back, " if found.resumable else ""
         return f"{found.flight}: {count} cannot be repaired: {resume}gcs-mosaic stitch {frames} makes the map anew"
     return f"{found.flight}: {count}: gcs-mosaic check {found.flight} --repair makes anew what can be made"
 

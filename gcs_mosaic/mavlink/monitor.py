@@ -123,7 +123,11 @@ class Listener:
             self._silent, self._silences = True, self._silences + 1
             but = " but bytes that are not MAVLink (is the speed right?)" if noise > self._noise else ""
             seconds = f"{self._settings.silent_after_s:g} s"
-            what = f"{self._name} is silent: nothing for {seconds}" if self._ever_heard else self._never_heard(seconds)
+            what = (
+                f"{self._name} is silent: nothing for {seconds}"
+                if self._ever_heard
+                else self._never_heard(seconds, refused)
+            )
             yield self._notice("warning", f"{what}{but}")
         waited = now - self._first_vehicle if self._first_vehicle is not None else 0.0
         is_late = waited > self._settings.ground_station_after_s
@@ -133,8 +137,10 @@ class Listener:
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
             yield self._notice(level, _no_ground_station(self._name))
 
-    def _never_heard(self, seconds: str) -> str:
-        return f"nothing was heard on {self._name} since it was opened, {seconds} ago"
+    def _never_heard(self, seconds: str, refused: Refusals) -> str:
+        if refused == NO_REFUSALS:
+            return f"nothing was heard on {self._name} since it was opened, {seconds} ago"
+        return f"nothing that is signed with the key was heard on {self._name} since it was opened, {seconds} ago"
 
     def _is_forwarded_to_us(self) -> bool:
         """Only programs on this machine can reach us there, and no ground station listens there."""
@@ -163,6 +169,7 @@ class Listener:
             refused=refused,
             sent=sent,
             is_crowded=self._gate.is_crowded,
+            hears_ground_station=self._ground_station == "heard",
         )
 
     def _is_news(self, report: LinkReport, now: float) -> bool:

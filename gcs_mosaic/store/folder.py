@@ -14,7 +14,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.foreign_file import COMPANIONS
 from gcs_mosaic.store.lock import LOCK_NAME, FolderLock, try_lock
-from gcs_mosaic.store.schema import connect_for_reading
+from gcs_mosaic.store.schema import DamagedLedger, connect_for_reading
 
 LEDGER_NAME = "flight.sqlite"
 RECORDING_NAME = "flight.tlog"
@@ -39,6 +39,10 @@ BEFORE_A_FLIGHT = (LEDGER_NAME, LOG_NAME, RECORDING_NAME, TOKEN_NAME, NOTES_NAME
 FIRST_ROWS = ("flight", "frames", "events")  # tables of which a flight that has begun has rows
 LONGEST_LINE = 1000  # bytes
 MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script
+
+
+class BeingWritten(UsageError):  # noqa: N818 - names a state, not an error
+    """Another gcs-mosaic writes the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +85,8 @@ def open_flight_folder(out: Path) -> FlightFolder:
 def resume_flight_folder(out: Path) -> FlightFolder:
     """Lock the most recently written flight of `out`, `out-2`, `out-3`, …; there may be gaps in the numbering.
 
-    Raises UsageError if there is none, if it is being written, or if its ledger is of a newer version or damaged.
+    Raises UsageError if there is none, if its ledger is of a newer version or damaged (DamagedLedger), or if it is being written
+    (BeingWritten).
     """
     flights = flights_of(out)
     if not flights:
@@ -90,21 +95,36 @@ def resume_flight_folder(out: Path) -> FlightFolder:
 
 
 def lock_flight(path: Path) -> FlightFolder:
-    """The folder of a flight to resume. Raises UsageError if it cannot be written, is being written, or if its ledger is of a
-    newer version or damaged."""
+    """The folder of a flight to resume. Raises UsageError if it cannot be written, or if its ledger is of a newer version or
+    damaged (DamagedLedger), and BeingWritten."""
     connect_for_reading(path / LEDGER_NAME).close()
     try:
         lock = try_lock(path)
     except OSError as error:
         raise UsageError(f"{path} cannot be written ({error.strerror}): choose another --out") from error
     if lock is None:
-        raise UsageError(f"--resume: {path} is being written by another gcs-mosaic: end that one first")
+        raise BeingWritten(f"{path} is being written by another gcs-mosaic: end that one first")
     try:
         refuse_strange_parts(path)
+        refuse_damaged_ledger(path / LEDGER_NAME)
     except UsageError:
         lock.release()
         raise
     return FlightFolder(path=path, said=f"going on with the flight in {path}", lock=lock, resumed=True)
+
+
+def refuse_damaged_ledger(path: Path) -> None:
+    """Read the whole file before anything is written to it. Raises DamagedLedger for what it holds, and not for a disk that
+    cannot be read now, or another program that has locked it: who opens it finds that."""
+    try:
+        with closing(connect_for_reading(path)) as opened:
+            found = str(opened.execute("PRAGMA quick_check(1)").fetchone()[0])
+    except sqlite3.OperationalError:
+        return
+    except sqlite3.DatabaseError as error:
+        raise DamagedLedger(f"{path} is damaged ({error})") from error
+    if found != "ok":
+        raise DamagedLedger(f"{path} is damaged ({' '.join(found.split())})")
 
 
 def flights_of(out: Path, since_utc: float = -math.inf) -> list[Path]:

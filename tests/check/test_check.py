@@ -14,6 +14,7 @@ import pytest
 
 from gcs_mosaic.check.check import check, repair
 from gcs_mosaic.check.findings import Findings
+from gcs_mosaic.check.table import verdict
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
@@ -161,6 +162,9 @@ def test_a_ledger_that_is_lost_is_said_each_time_and_nothing_is_made_worse(fligh
     before = files_in(flight)
     again = repaired(flight)
     assert said_of(again) == said_of(first)
+    remedy = verdict(first, mended=True)
+    assert "cannot be repaired" in remedy
+    assert verdict(checked(flight), mended=False) == remedy  # and does not promise what was just tried
     changed = {path for path, data in files_in(flight).items() if before.get(path) != data}
     assert changed <= {Path(LEDGER_NAME)}
 

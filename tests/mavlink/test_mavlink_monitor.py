@@ -42,6 +42,13 @@ def test_silence_is_said_once_and_so_is_its_end() -> None:
     assert "again after 20 s" in texts(ours.hear(received(trigger(2)), 51.0))[0]
 
 
+def test_where_all_is_refused_it_is_not_said_that_nothing_was_heard() -> None:
+    ours = listener()
+    assert "forged packets are refused" in texts(ours.tick(1.0, refused=Refusals(forged=3)))[0]
+    (text,) = texts(ours.tick(10.5, refused=Refusals(forged=9)))
+    assert text == "nothing that is signed with the key was heard on udpin:0.0.0.0:14550 since it was opened, 10 s ago"
+
+
 def test_silences_are_counted() -> None:
     ours = listener()
     for start in (20.0, 40.0, 60.0):
@@ -85,6 +92,13 @@ def test_a_ground_station_that_is_heard_needs_no_word() -> None:
     assert texts(ours.hear(received(heartbeat(kind=6), system=255), 2.0)) == []
     list(ours.hear(received(heartbeat()), 59.0))
     assert texts(ours.tick(60.0)) == []
+
+
+def test_a_ground_station_is_no_aircraft() -> None:
+    ours = listener()
+    list(ours.hear(received(heartbeat(kind=6), system=255), 2.0))
+    heard = report(ours, 3.0)
+    assert (heard.state, heard.hears_ground_station, heard.aircraft) == ("heard", True, ())
 
 
 def test_on_a_forwarded_port_a_missing_ground_station_is_no_warning() -> None:

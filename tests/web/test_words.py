@@ -15,7 +15,14 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.app.inputs.pairing_check import shots_later
+from gcs_mosaic.app.inputs.pairing_check import shifted_text, shots_later
+from gcs_mosaic.app.live.left_behind import (
+    LeftBehind,
+    left_out_words,
+    not_kept_words,
+    unpainted_words,
+    unstitched_words,
+)
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.detection.detection_map import SOME_GREY
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
@@ -24,7 +31,8 @@ from gcs_mosaic.handover.patches import NO_GROUND
 from gcs_mosaic.integral.ground_tiles import FAILED, FROM_AFAR
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
 from gcs_mosaic.mavlink.monitor import _left_out_text
-from gcs_mosaic.store.disk import CannotWrite, telling_disk_full
+from gcs_mosaic.messages import Refusals
+from gcs_mosaic.store.disk import CannotWrite, DiskFull, telling_disk_full
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.guard import PUT_BACK
 from gcs_mosaic.store.records import FrameState, NoticeRecord
@@ -34,7 +42,7 @@ from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import area_words, legends
 from gcs_mosaic.web.api.detection import GREY, NO_SCALE
 from gcs_mosaic.web.app import VIEWER
-from tests.app.status.test_conditions import FLYING, NEWS
+from tests.app.status.test_conditions import ENDED, FLYING, NEWS
 from tests.web.browser import CHROMIUM, Page
 from tests.web.served import served
 from tests.web.small_flight import SmallFlight
@@ -139,7 +147,8 @@ def sentences_of_the_server() -> list[str]:
         conditions = Conditions()
         conditions.so_now(facts)
         told += [one.text for one in conditions.so_now(replace(facts, utc=facts.utc + 11))]
-    told += sentences_of_the_disk()
+    told += [one.text for _, facts in ENDED.values() for one in Conditions().at_the_end(facts)]
+    told += sentences_of_the_disk() + sentences_of_an_end()
     told += [Doubts(shifts, pairs, 14, is_part).text() for shifts, pairs, is_part in DOUBTS]
     lost = Conditions()
     for vehicle in (None, None, None, 2, 2, 2):
@@ -195,6 +204,26 @@ def _pieces(text: str) -> list[str]:
     """What stands between what is filled in, of at least two letters: notices are put together out of such pieces."""
     pieces = re.split(r"\{\w+\}|[(),:;]", text)
     return [piece.strip() for piece in pieces if len(piece.strip()) > 1]
+
+
+def sentences_of_an_end() -> list[str]:
+    """What is left of a flight: old ranges, what there was no time for, what could not be written, pairs in doubt."""
+    refitted, out = Conditions(), Path("/m")
+    refitted.old_range = True
+    refused = Conditions()
+    links = [replace(FLYING.links[0], refused=Refusals(unsigned=k)) for k in range(1, 20)]
+    beside = [refused.so_now(replace(FLYING, utc=FLYING.utc + k, links=(link,))) for k, link in enumerate(links)][-1]
+    left = LeftBehind(frames=3, pictures_lost=0, triggers_lost=1)
+    doubts = [Doubts(pairs=n, of=9, shifts=shifts) for n in (1, 3) for shifts in ((), (1, -2))]
+    return [
+        *(one.text for one in (*refitted.at_the_end(FLYING), *beside)),
+        *(left_out_words(3), unstitched_words(3, out), unpainted_words(out), not_kept_words(["a", "b", "c", "d"], out)),
+        left.last_words(
+            DiskFull("the disk is full: free some space, then it goes on (/m/flight.sqlite could not be written)"), out
+        ),
+        *(one.text("/m") for one in (*doubts, Doubts(pairs=1, is_part=True), Doubts(pairs=3, is_part=True))),
+        shifted_text(out, 1, 1),
+    ]
 
 
 def _slots(text: str) -> list[str]:

@@ -131,6 +131,11 @@ class Inbox:
         with self._items.mutex:
             return [found[1] for found in self._items.queue if found is not None and isinstance(found[1], Frame)]
 
+    def shots(self) -> int:
+        """How many shots are announced by the messages that wait."""
+        with self._items.mutex:
+            return sum(is_shot(found[1]) for found in self._items.queue if found is not None)
+
     def wake(self) -> None:
         """Make `next` return at once; callable from any thread."""
         with suppress(queue.Full):
@@ -173,6 +178,11 @@ class Inbox:
             return without
         reason = f"{PICTURES} frames of the stream wait already, the disk or the machine is too slow"
         return DroppedFrame(frame=without, reason=reason)
+
+
+def is_shot(item: Item | None) -> bool:
+    """Whether it is the first message about a shot."""
+    return isinstance(item, CameraMessage) and isinstance(item.verdict, New)
 
 
 def _last_words(failed: Report, error: Exception) -> str:

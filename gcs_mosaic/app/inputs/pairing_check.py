@@ -57,7 +57,11 @@ def contradiction_text(ledger: Ledger, flight: Path) -> str | None:
     with suppress(UsageError):  # of what somebody else has put there, the pairs are as they are now
         kept = kept_pairs(flight)
         shift_so_far = kept.shift if kept is not None else 0
-    chosen = shift_so_far + shift
+    return shifted_text(flight, shift, shift_so_far + shift)
+
+
+def shifted_text(flight: Path, shift: int, chosen: int) -> str:
+    """`shift`: by how many shots the pairs are off; `chosen`: which one `gcs-mosaic pair` is to be given."""
     return (
         f"The positions of the triggers fit the map far better if each picture belongs {shots_later(shift)}: which trigger "
         f"belongs to which picture is ambiguous; gcs-mosaic pair {flight} --shift {chosen} chooses that, after the flight"

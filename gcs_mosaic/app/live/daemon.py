@@ -22,10 +22,17 @@ from gcs_mosaic.app.inputs.frame_sources import (
     watched_folders,
     with_streams,
 )
-from gcs_mosaic.app.inputs.inbox import Inbox, keeping, record
+from gcs_mosaic.app.inputs.inbox import Inbox, is_shot, keeping, record
 from gcs_mosaic.app.inputs.links import Item, ItemSource, Links
 from gcs_mosaic.app.inputs.pairing_check import contradiction_text
 from gcs_mosaic.app.live.flight_page import FlightPage
+from gcs_mosaic.app.live.left_behind import (
+    LeftBehind,
+    left_out_words,
+    not_kept_words,
+    unpainted_words,
+    unstitched_words,
+)
 from gcs_mosaic.app.live.operator_requests import OperatorRequests
 from gcs_mosaic.app.live.output import OutputFolder
 from gcs_mosaic.app.live.shutdown import Shutdown
@@ -68,7 +75,6 @@ TAKE_IN_S = 0.5  # then accepted frames are processed before more are accepted
 CONNECT_SHARE = 4  # 1 / this share of the time left at the end may be spent on connecting islands
 RETRY_S = 2.0  # between attempts to write to a full disk
 DISK_EACH_S = 1.0  # between looks at the output folder while nothing is written
-SHOWN_NAMES = 3  # of originals that are not kept
 LOST_S = 0.2  # then other work is looked for
 
 
@@ -104,9 +110,12 @@ def fly(config: Config, links: Links, console: Console, shutdown: Shutdown) -> N
         for notice in told:
             daemon.say(notice)
         page.invite(console)
-        if folder.resumed:
-            daemon.resume(opened.saved, shots)
-        daemon.run(inputs)
+        try:
+            if folder.resumed:
+                daemon.resume(opened.saved, shots)
+            daemon.run(inputs)
+        except CannotWrite as trouble:  # the operator has not waited until it was over
+            raise daemon.cut_short(trouble) from trouble
 
 
 def _began(config: Config, folder: FlightFolder, recorded: Notice | None) -> list[Notice]:
@@ -182,6 +191,8 @@ class _Daemon:
         self._adjusting = False  # whether an adjustment started in a pause is still running
         self._unsettled = False  # whether frames were painted since the whole map was last shown as at the end
         self._disk_due = 0.0
+        self._said_waiting = False  # that the end waits for the disk
+        self._in_hand: Item | None = None  # taken from the inbox, and not written down yet
         self._looked = set[int | None]()  # aircraft of whose source each file that was there at the start is accepted
 
     def _pipeline_in(self, opened: OpenedFlight) -> Pipeline:
@@ -262,7 +273,9 @@ class _Daemon:
         until = time.monotonic() + TAKE_IN_S
         item = self._inbox.next(timeout_s)
         while item is not None:
+            self._in_hand = item
             self._take(item)
+            self._in_hand = None
             item = self._inbox.next(0.0) if time.monotonic() < until else None
         self._pipeline.store.tell_accounts()
 
@@ -430,10 +443,31 @@ class _Daemon:
     def _wait_for_disk(self, trouble: CannotWrite) -> None:
         """Pause between two attempts to write; limited at the end."""
         self._reporter.conditions.disk = str(trouble)
+        stop, hurry = self._shutdown.stop, self._shutdown.hurry
+        if stop.is_set() and not self._said_waiting:
+            self._state, self._said_waiting = "settling", True
+            text = f"ending: the disk is waited for, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
+            self.say(Notice(source="daemon", level="warning", text=text))
+            self._manager.ending()
         self._report(now=True)
-        self._shutdown.hurry.wait(RETRY_S)
+        (hurry if stop.is_set() else stop).wait(RETRY_S)
         if not self._may_go_on():
             raise trouble
+
+    def cut_short(self, trouble: CannotWrite) -> CannotWrite:
+        """The flight ends although what it has could not be written: the last words about it."""
+        frames = [one for one in (*self._inbox.frames(), self._in_hand) if isinstance(one, Frame)]
+        lost = sum(not one.path.is_file() for one in frames)
+        left = LeftBehind(
+            frames=self._reporter.accounts.frames.pending + len(frames) - lost,
+            pictures_lost=lost,
+            triggers_lost=self._inbox.shots() + is_shot(self._in_hand),
+        )
+        words = left.last_words(trouble, self._pipeline.store.out)
+        self._state = "stopped"
+        self._reporter.conditions.left["disk"] = words
+        self._report(now=True)
+        return CannotWrite(words)
 
     # Shutdown
 
@@ -458,6 +492,7 @@ class _Daemon:
         self._driver.save()
         if ambiguous := self._ambiguous() or contradiction_text(self._pipeline.store.ledger, self._pipeline.store.out):
             self.say(Notice(source="pairing", level="warning", text=ambiguous))
+        self._reporter.conditions.pairing = ambiguous
         self._pipeline.checkpoint(at_once=True)
         self._until_writable(self._output.verify)
         self._state = "stopped"
@@ -473,30 +508,28 @@ class _Daemon:
         while len(self._inbox) and self._may_go_on():
             self._take_in(0.0)
             self._report()
-        if len(self._inbox):
-            text = f"{len(self._inbox)} files and messages that came last were left out, there was no time for them"
-            self.say(Notice(source="daemon", level="warning", text=text))
+        if left := len(self._inbox):
+            self._ends_without("left out", Notice(source="daemon", level="warning", text=left_out_words(left)))
 
     def _say_what_is_left(self) -> None:
         store = self._pipeline.store
         if left := store.settle_unstitched():
-            text = f"{left} frames are not on the map, there was no time: gcs-mosaic --resume --out {store.out} goes on with them"
-            self.say(Notice(source="daemon", level="warning", text=text))
+            text = unstitched_words(left, store.out)
+            self._ends_without("unstitched", Notice(source="daemon", level="warning", text=text))
+
+    def _ends_without(self, what: str, notice: Notice) -> None:
+        """Something that is said at the end, and stays so."""
+        self.say(notice)
+        self._reporter.conditions.left[what] = notice.text
 
     def _seek_originals_again(self) -> None:
         self._pipeline.store.seek_originals_now()
         self._keep_lost_originals(self._until)
 
     def _say_what_is_not_kept(self) -> None:
-        left = self._pipeline.store.not_kept()
-        if not left:
-            return
-        names = ", ".join(left[:SHOWN_NAMES]) + (
-            f" and {len(left) - SHOWN_NAMES} more" if len(left) > SHOWN_NAMES else ""
-        )
-        out = self._pipeline.store.out
-        text = f"{len(left)} originals are not kept ({names}): gcs-mosaic check {out} --repair --frames DIR takes them from DIR"
-        self.say(Notice(source="originals", level="warning", text=text))
+        if left := self._pipeline.store.not_kept():
+            text = not_kept_words(left, self._pipeline.store.out)
+            self._ends_without("originals", Notice(source="originals", level="warning", text=text))
 
     def _give_up_unread(self) -> None:
         for failed in self._unread.rest():
@@ -507,6 +540,8 @@ class _Daemon:
             for _ in self._pipeline.settle(self._time_to_connect()):
                 self._report()
             self._repaint_all()
+        except CannotWrite:
+            raise
         except Exception as error:  # close the accounts anyway
             logger.exception("the final painting has failed")
             text = f"the final painting has failed, the map stays as it was in flight ({error!r})"
@@ -519,9 +554,8 @@ class _Daemon:
             if next(steps, False) is False:
                 return
             self._report()
-        out = self._pipeline.store.out
-        text = f"parts of the map stay as in flight, there was no time to paint them: gcs-mosaic --resume --out {out} does it"
-        self.say(Notice(source="daemon", level="warning", text=text))
+        text = unpainted_words(self._pipeline.store.out)
+        self._ends_without("unpainted", Notice(source="daemon", level="warning", text=text))
 
     def _time_to_connect(self) -> Callable[[], bool]:
         """Whether there is time left to connect islands: a share of the remaining time, none when hurried."""

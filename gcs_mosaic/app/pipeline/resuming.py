@@ -23,8 +23,18 @@ from gcs_mosaic.stitch.transaction import Snapshot
 from gcs_mosaic.store.array_shelf import ArrayShelf
 from gcs_mosaic.store.checkpoint import NAME as CHECKPOINT_NAME
 from gcs_mosaic.store.checkpoint import Checkpoints, Unusable
-from gcs_mosaic.store.folder import FlightFolder, flights_of, lock_flight, open_flight_folder, resume_flight_folder
+from gcs_mosaic.store.folder import (
+    BeingWritten,
+    FlightFolder,
+    flights_of,
+    lock_flight,
+    open_flight_folder,
+    resume_flight_folder,
+)
+from gcs_mosaic.store.reading import read_document
 from gcs_mosaic.store.records import EventRecord, FrameRecord
+from gcs_mosaic.store.schema import DamagedLedger
+from gcs_mosaic.store.status import STATUS_NAME
 
 logger = logging.getLogger(__name__)
 
@@ -57,30 +67,66 @@ def open_flight(config: Config) -> OpenedFlight:
     """The flight to resume, or a new one, as `config.resume` asks. Raises UsageError."""
     out, refused = Path(config.out), ""
     if config.resume == "always":
-        return _resumed(resume_flight_folder(out), config)
+        return _resumed(_asked_for(out, otherwise="--new"), config)
     recent = flights_of(out, time.time() - 3600 * config.resume_h) if config.resume == "auto" else []
     for path in recent:
         if not (path / CHECKPOINT_NAME).is_file():  # a stitched folder of frames, or a replay
             continue
         try:
             return _resumed(lock_flight(path), config, by_itself=True)
+        except DamagedLedger as reason:
+            logger.info("not resumed: %s", reason)
+            refused = refused or _damaged(path)
+        except BeingWritten as reason:
+            logger.info("not resumed: %s", reason)
+            refused = refused or f"{path} is being written by another gcs-mosaic{_mapped_again(path, config)}"
         except UsageError as reason:
             logger.info("not resumed: %s", reason)
-            refused = refused or f"{reason}; "
+            refused = refused or str(reason)
     opened = _begun(config)
-    return replace(opened, folder=replace(opened.folder, said=refused + opened.folder.said))
+    said = f"{refused}; this flight is written to {opened.folder.path}" if refused else opened.folder.said
+    return replace(opened, folder=replace(opened.folder, said=said))
 
 
 def open_stitch(config: Config) -> OpenedFlight:
     """The newest flight of `out`, to be gone on with by `stitch`: what it has found so far is taken if it can be, else its frames
     are stitched again. Raises UsageError."""
-    folder = resume_flight_folder(Path(config.out))
+    folder = _asked_for(Path(config.out), otherwise="another --out")
     opened = _opened(folder, config)
     saved = saved_flight(opened.checkpoints, config)
     if not isinstance(saved, Unusable):
         return replace(opened, saved=saved)
     said = f"{folder.said}; {saved.reason}, so its frames are stitched again"
     return replace(opened, folder=replace(folder, said=said))
+
+
+def _asked_for(out: Path, *, otherwise: str) -> FlightFolder:
+    """The newest flight of `out`, locked. `otherwise`: what begins another one. Raises UsageError."""
+    try:
+        return resume_flight_folder(out)
+    except DamagedLedger as reason:
+        logger.info("not resumed: %s", reason)
+        text = f"--resume: {_damaged(flights_of(out)[0])}, or begin another flight with {otherwise}"
+        raise UsageError(text) from reason
+    except BeingWritten as reason:
+        raise UsageError(f"--resume: {reason}") from reason
+
+
+def _damaged(path: Path) -> str:
+    return f"the ledger of the flight in {path} is damaged, and left as it is: gcs-mosaic check {path} --repair may bring it back"
+
+
+def _mapped_again(path: Path, config: Config) -> str:
+    """What to say if the program that writes the flight there watches the same folder; empty if not, or if that is not known."""
+    if config.rtsp or config.sources or config.source is not None:
+        return ""
+    try:
+        watched = read_document(path / STATUS_NAME)["watch"]["folder"]
+        same = Path(watched).resolve() == Path(config.watch).resolve()
+    except (OSError, ValueError, LookupError, TypeError):
+        logger.debug("what is watched for %s is not known", path, exc_info=True)
+        return ""
+    return f", so {config.watch} is mapped a second time (gcs-mosaic serve {path} shows that map, too)" if same else ""
 
 
 def begin_stitch(config: Config) -> OpenedFlight:

@@ -1,17 +1,25 @@
 """What lasts and wants to be known: each a sentence in operator's words with what to do, for as long as it is true.
 
 Notices tell what happened; a condition is what is so now. The page shows them all (`conditions` in status.json); on the terminal
-each is said as it begins, unless another notice says it already.
+each is said as it begins, unless another notice says it already. Of an ended flight those are left that are still true of it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, field, replace
 
 from gcs_mosaic.app.status.folder_conditions import SoNow, of_folders
+from gcs_mosaic.app.status.link_conditions import (
+    HELD_S,
+    Refusing,
+    hears_only_ground_stations,
+    of_links,
+    of_silent_aircraft,
+)
 from gcs_mosaic.messages import LinkReport, Notice, SourceReport
+from gcs_mosaic.store.held_out import Figures, torn_lines
 from gcs_mosaic.store.records import Accounts, FrameState
 from gcs_mosaic.store.status import AircraftStatus, Behind, Condition
 
@@ -20,12 +28,16 @@ Aircraft = int | None  # None: of a source for all
 UNMATCHED = 2  # frames in a row: a single one may be blurred
 FRAMES_WITHOUT_TRIGGER = 5  # before any: the first message may follow its file by seconds
 BEHIND_S = 10.0  # less is a burst of the camera
-SILENT_S = 10.0  # ten heartbeats of an aircraft, as `silent_after_s` of a link
-HELD_S = 10.0  # how long something must have been so that passes by itself as messages and files arrive
 OLD_RANGE = (
     "The range of brightness that a camera's counts are shown in was fitted again, because frames lay beyond it: parts of the "
     "map are too dark or too bright until they are painted anew, in pauses and at the end"
 )
+OLD_RANGE_LEFT = (
+    "Parts of the map are too dark or too bright, there was no time to paint them in the camera's new range: gcs-mosaic --resume "
+    "does it"
+)
+NOT_MAPPED = "Not on the map: {n} of {all} frames, refused or without a match; flight.log tells why of each"
+NOT_READ = "Not on the map: {n} of {all} frames, damaged or dropped; flight.log tells why of each"
 SOURCE_AWAY = {
     "missing": "The folder {name} is missing: it is waited for; see that the card or the share is there",
     "silent": "The stream {name} is silent: see that the camera is on and in reach",
@@ -46,6 +58,7 @@ class Facts:
     behind: Behind = field(default_factory=Behind)
     accounts: Accounts = field(default_factory=Accounts)
     islands: int = 0
+    held_out: Figures = field(default_factory=dict)
 
 
 class Conditions:
@@ -55,6 +68,8 @@ class Conditions:
         self.disk: str | None = None  # what is wrong with it, as long as it is
         self.old_range = False  # whether parts of the map show a range of counts that was fitted anew since
         self.pairing: str | None = None  # which triggers and pictures may as well belong together otherwise
+        self.left: dict[str, str] = {}  # what the flight ends without, and what to do
+        self._refusing = Refusing()
         self._unmatched = Counter[Aircraft]()  # frames in a row that matched nothing, of each aircraft
         self._since: dict[str, float] = {}
         self._told: set[str] = set()
@@ -73,10 +88,26 @@ class Conditions:
         self._since = {one.key: self._since.get(one.key, facts.utc) for one in found}
         lasting = [one for one in found if facts.utc - self._since[one.key] >= one.held_s]
         self._tell(lasting)
+        return self._worst_first(lasting)
+
+    def at_the_end(self, facts: Facts) -> tuple[Condition, ...]:
+        """All that stays true of the ended flight, the worst first; what was never told is told by `fresh`."""
+        stays = [
+            replace(one, text=one.stays) for one in (*self._found(facts), *_of_the_map_for_good(facts)) if one.stays
+        ]
+        left = [*stays, *(SoNow(key, "warning", text, said=False) for key, text in self.left.items())]
+        self._since = {one.key: self._since.get(one.key, facts.utc) for one in left}
+        told = {*self._told, "pairing"}  # of which the daemon has the last words
+        new = [one for one in left if one.said and one.key not in told]
+        self._fresh += [Notice(source="daemon", level=one.level, text=one.text) for one in new]
+        self._told = {one.key for one in left}
+        return self._worst_first(left)
+
+    def _worst_first(self, found: Iterable[SoNow]) -> tuple[Condition, ...]:
         order = ("error", "warning", "info")
         return tuple(
             Condition(key=one.key, level=one.level, text=one.text, since_utc=self._since[one.key])
-            for one in sorted(lasting, key=lambda one: order.index(one.level))
+            for one in sorted(found, key=lambda one: order.index(one.level))
         )
 
     def fresh(self) -> list[Notice]:
@@ -101,13 +132,14 @@ class Conditions:
         if self.disk is not None:
             yield SoNow("disk", "error", self.disk, said=False)
         yield from self._of_the_map(facts)
-        yield from _of_links(facts)
-        yield from _of_silent_aircraft(facts)
+        refused = self._refusing.lately(facts.links, facts.utc)
+        yield from of_links(facts.links, facts.utc, facts.started_utc, refused, stays=_without_triggers(facts))
+        yield from of_silent_aircraft(facts.links)
         yield from _of_the_source(facts)
         yield from of_folders([one for one in (facts.source, *facts.sources) if one], announced=_announced(facts))
         yield from _of_shots(facts)
         if self.pairing is not None:
-            yield SoNow("pairing", "warning", self.pairing, held_s=HELD_S)
+            yield SoNow("pairing", "warning", self.pairing, held_s=HELD_S, stays=self.pairing)
 
     def _of_the_map(self, facts: Facts) -> Iterator[SoNow]:
         for vehicle, count in self._unmatched.items():
@@ -116,17 +148,32 @@ class Conditions:
                 text = f"The last {count} frames{whose} match nothing on the map: fly back over ground that is on it"
                 yield SoNow(f"overlap{whose}", "warning", text)
         if self.old_range:
-            yield SoNow("range", "warning", OLD_RANGE)
+            yield SoNow("range", "warning", OLD_RANGE, stays=OLD_RANGE_LEFT)
         if facts.islands > 1:
             text = (
                 f"The map is in {facts.islands} parts, and how they lie to each other is not known: "
                 "fly over the ground between them"
             )
-            yield SoNow("islands", "warning", text, held_s=HELD_S)
+            yield SoNow("islands", "warning", text, held_s=HELD_S, stays=f"{text} with gcs-mosaic --resume")
         if facts.behind.seconds >= BEHIND_S:
             frames, seconds = facts.behind.frames, facts.behind.seconds
             text = f"The map is {frames} frames, {seconds:.0f} s behind the camera: the newest are shown first"
             yield SoNow("behind", "warning", text, said=False)
+
+
+def _of_the_map_for_good(facts: Facts) -> Iterator[SoNow]:
+    """What is certain once no frame comes any more: before, one that waits may find its place, a damaged one be mended."""
+    frames = facts.accounts.frames
+    total = sum(asdict(frames).values()) - frames.duplicate
+    for key, count, words in (
+        ("not mapped", frames.rejected + frames.waiting, NOT_MAPPED),
+        ("not read", frames.damaged + frames.dropped, NOT_READ),
+    ):
+        if count:
+            text = words.format(n=count, all=total)
+            yield SoNow(key, "warning", text, stays=text)
+    for text in torn_lines(facts.held_out):
+        yield SoNow(f"torn {text.partition(' is torn')[0]}", "warning", text, said=False, stays=text)
 
 
 def _over(key: str) -> str | None:
@@ -137,50 +184,6 @@ def _over(key: str) -> str | None:
     if what == "overlap":
         return f"frames{key.removeprefix('overlap')} match the map again"
     return f"aircraft {system} is heard again" if what == "silence" else None
-
-
-def _of_links(facts: Facts) -> Iterator[SoNow]:
-    for link in facts.links:
-        key = f"link {link.address}"
-        if link.is_crowded:
-            text = (
-                f"More sources trigger cameras on {link.address} than an aircraft has: if somebody forges triggers, pictures may "
-                "be given to the wrong ones. Only signing keeps them out: give the autopilot a key, and here "
-                "link: {signing_key: FILE}"
-            )
-            yield SoNow(f"crowd {link.address}", "warning", text, said=False)
-        if link.state == "failed":
-            yield SoNow(
-                key, "error", f"The link {link.address} has failed: it is opened again as soon as it can be", said=False
-            )
-        elif link.last_heard_utc is None and facts.utc - facts.started_utc >= HELD_S:
-            text = (
-                f"Nothing was ever heard on {link.address}: see that the autopilot or the ground station sends to this "
-                "address. Pictures are mapped meanwhile"
-            )
-            yield SoNow(key, "warning", text, said=False)
-        elif link.state == "silent":
-            text = f"The link {link.address} is silent: see whether the aircraft is out of reach. Pictures are mapped meanwhile"
-            yield SoNow(key, "warning", text, said=False)
-
-
-def _of_silent_aircraft(facts: Facts) -> Iterator[SoNow]:
-    """Those of several whose links go on without them; of one with a link of its own the link is called silent.
-
-    Times of a link are compared with each other alone, for the computer's clock may be set during the flight.
-    """
-    silent: dict[int, bool] = {}
-    for link in facts.links:
-        for one in link.aircraft:
-            if one.system in link.counted and one.last_heard_utc is not None:
-                gone = (link.last_heard_utc or 0.0) - one.last_heard_utc >= SILENT_S
-                silent[one.system] = gone and silent.get(one.system, True)
-    for system in sorted(system for system, gone in silent.items() if gone):
-        text = (
-            f"Aircraft {system} is silent while others are heard: see whether it is out of reach. "
-            "Its pictures are mapped meanwhile"
-        )
-        yield SoNow(f"silence of aircraft {system}", "warning", text)
 
 
 def _of_the_source(facts: Facts) -> Iterator[SoNow]:
@@ -200,35 +203,44 @@ def _of_aircraft_without_triggers(facts: Facts) -> Iterator[SoNow]:
         came = frames.placed + frames.covered + frames.waiting + frames.rejected
         if one.source is not None and came >= FRAMES_WITHOUT_TRIGGER and not any(asdict(events).values()):
             text = (
-                f"Pictures of aircraft {one.system} come, but not one camera trigger: they are mapped, but one that is lost "
+                f"Pictures of aircraft {one.system} {{come}}, but not one camera trigger: they are mapped, but one that is lost "
                 "would not be missed. See that this is its number, and that its autopilot announces its pictures"
             )
-            yield SoNow(f"triggers of aircraft {one.system}", "warning", text, held_s=HELD_S)
+            key, now, then = f"triggers of aircraft {one.system}", text.format(come="come"), text.format(come="came")
+            yield SoNow(key, "warning", now, held_s=HELD_S, stays=then)
 
 
 def _announced(facts: Facts) -> int:
     return sum(asdict(facts.accounts.events).values())
 
 
+def _without_triggers(facts: Facts, come: str = "came") -> str:
+    """What to say if pictures come, or came, and triggers do not; empty if they do."""
+    frames = facts.accounts.frames
+    mapped = frames.placed + frames.covered + frames.waiting + frames.rejected
+    if _announced(facts) or mapped < FRAMES_WITHOUT_TRIGGER:
+        return ""
+    return (
+        f"Pictures {come}, but not one camera trigger: they are mapped, but one that is lost would not be missed. "
+        "See that the autopilot announces its pictures (CAMERA_FEEDBACK or CAMERA_IMAGE_CAPTURED) on this link"
+    )
+
+
 def _of_shots(facts: Facts) -> Iterator[SoNow]:
-    events, frames = facts.accounts.events, facts.accounts.frames
-    came = frames.placed + frames.covered + frames.waiting + frames.rejected
+    events = facts.accounts.events
     heard = any(link.last_heard_utc is not None for link in facts.links)
-    if heard and not _announced(facts) and came >= FRAMES_WITHOUT_TRIGGER:
-        text = (
-            "Pictures come, but not one camera trigger: they are mapped, but one that is lost would not be missed. "
-            "See that the autopilot announces its pictures (CAMERA_FEEDBACK or CAMERA_IMAGE_CAPTURED) on this link"
-        )
-        yield SoNow("triggers", "warning", text, held_s=HELD_S)
+    if heard and (text := _without_triggers(facts, "come")):
+        if not hears_only_ground_stations(facts.links):  # else that is the reason, and told of the link
+            yield SoNow("triggers", "warning", text, held_s=HELD_S, stays=_without_triggers(facts))
         return
     yield from _of_aircraft_without_triggers(facts)
     unannounced = facts.accounts.orphans - events.pending  # triggers that wait may be of some of them
     if unannounced > 0 and events.matched:
         pictures = "1 picture" if unannounced == 1 else f"{unannounced} pictures"
-        yield SoNow(
-            "orphans", "info", f"{pictures} came without a trigger: mapped as any other", said=False, held_s=HELD_S
-        )
+        text = f"{pictures} came without a trigger: mapped as any other"
+        yield SoNow("orphans", "info", text, said=False, held_s=HELD_S, stays=text)
     if events.missing:
         shots = "1 shot has" if events.missing == 1 else f"{events.missing} shots have"
-        text = f"{shots} no picture: see whether it is on the camera's card; copied into the watched folder, it is still taken"
-        yield SoNow("missing", "warning", text, said=False)
+        what = f"{shots} no picture: see whether it is on the camera's card; copied into the watched folder, "
+        stays = f"{what}gcs-mosaic --resume still takes it"
+        yield SoNow("missing", "warning", f"{what}it is still taken", said=False, stays=stays)

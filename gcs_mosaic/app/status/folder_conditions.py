@@ -22,6 +22,7 @@ class SoNow:
     text: str
     said: bool = True  # on the terminal, as it begins; False: another notice says it
     held_s: float = 0.0
+    stays: str = ""  # what is said instead once the flight has ended; empty if it is so no more then
 
 
 def of_folders(sources: Sequence[SourceReport], *, announced: int) -> Iterator[SoNow]:
@@ -37,10 +38,11 @@ def of_folders(sources: Sequence[SourceReport], *, announced: int) -> Iterator[S
 def _of_pictures_that_are_not_read(source: SourceReport, whose: str) -> Iterator[SoNow]:
     if pictures := _of_kinds(source.passed_over, RAW_SUFFIXES | OTHER_PICTURES):
         text = (
-            f"Pictures that cannot be mapped come into {source.name} ({in_words(pictures)}): set the camera to JPEG, or to "
+            f"Pictures that cannot be mapped {{come}} into {source.name} ({in_words(pictures)}): set the camera to JPEG, or to "
             "RAW and JPEG, or convert them to JPEG or TIFF into this folder"
         )
-        yield SoNow(f"raw{whose}", "warning", text, held_s=SOON_S)
+        now, then = text.replace("{come}", "come"), text.replace("{come}", "came")
+        yield SoNow(f"raw{whose}", "warning", now, held_s=SOON_S, stays=then)
 
 
 def _of_other_files(source: SourceReport, whose: str, announced: int) -> Iterator[SoNow]:
@@ -64,7 +66,7 @@ def _of_clocks(source: SourceReport, whose: str, announced: int) -> Iterator[SoN
             f"{source.left} files in {source.name} were there at the start and are left alone, being old by their times{clock}: "
             "if the camera's clock is wrong and they are of this flight, start again with --from start"
         )
-        yield SoNow(f"left{whose}", "warning", text, held_s=SOON_S)
+        yield SoNow(f"left{whose}", "warning", text, held_s=SOON_S, stays=text)
     elif off is not None:
         text = (
             f"New files in {source.name} are dated {_apart(off)}: the camera's clock is wrong, or old pictures are copied there. "

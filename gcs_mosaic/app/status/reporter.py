@@ -126,7 +126,9 @@ class Reporter:
         if not now:  # while the flight waits for the disk, this would only wait as well
             self._record()
         self.accounts = accounts()
-        fleet = aircraft()
+        fleet, told = aircraft(), largest(held_out(), ISLANDS_SHOWN)
+        facts = self._facts(behind, islands, fleet, told)
+        conditions = self.conditions
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -139,8 +141,8 @@ class Reporter:
             behind=behind,
             last_frame=self.last_frame,
             accounts=self.accounts,
-            held_out=largest(held_out(), ISLANDS_SHOWN),
-            conditions=() if state == "stopped" else self.conditions.so_now(self._facts(behind, islands, fleet)),
+            held_out=told,
+            conditions=conditions.at_the_end(facts) if state == "stopped" else conditions.so_now(facts),
             notices=tuple(self._notices),
         )
         self._tell(status)
@@ -158,7 +160,7 @@ class Reporter:
         """The source of frames or, of several aircraft's, one that brings nothing if there is any."""
         return min(self.sources.values(), key=lambda one: one.state in BRINGING, default=None)
 
-    def _facts(self, behind: Behind, islands: int, aircraft: tuple[AircraftStatus, ...]) -> Facts:
+    def _facts(self, behind: Behind, islands: int, aircraft: tuple[AircraftStatus, ...], held_out: Figures) -> Facts:
         return Facts(
             utc=time.time(),
             started_utc=self._begun_utc,
@@ -169,6 +171,7 @@ class Reporter:
             behind=behind,
             accounts=self.accounts,
             islands=islands,
+            held_out=held_out,
         )
 
     def _record(self) -> None:

@@ -168,6 +168,11 @@ def test_the_status_is_told_of_an_ended_flight(flown: Running) -> None:
     assert told.returncode == 0
     assert "mosaic: stopped" in told.stdout
     assert f"{GOOD + 2} placed" in told.stdout
+    assert "warning since " in told.stdout
+    assert f"Not on the map: 4 of {GOOD + 9} frames, refused or without a match" in told.stdout
+    assert f"Not on the map: 3 of {GOOD + 9} frames, damaged or dropped" in told.stdout
+    assert "2 shots have no picture" in told.stdout
+    assert "Not on the map: 4 of" in flown.said
     assert json.loads(run("status", flown.out, "--json", cwd=flown.home).stdout) == flown.status()
 
 

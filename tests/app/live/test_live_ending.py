@@ -194,19 +194,67 @@ def test_a_full_disk_is_said_once_and_nothing_is_lost(tmp_path: Path, pictures: 
 
 @pytest.mark.long
 def test_it_can_be_ended_on_a_full_disk(tmp_path: Path, pictures: list[bytes], small_disk: Path) -> None:
-    config = QUICK.replace("finish_s: 30", "finish_s: 3") + COPY_ALL
+    """Asked to end it answers at once; asked again it ends, and says what is not mapped and what is lost."""
+    config = QUICK + COPY_ALL
     with flying(tmp_path, out=small_disk / "mosaic", config=config) as flight:
         flight.take("IMG_0.JPG", pictures[0])
         flight.wait_for_frames(placed=1)
         filler = fill(small_disk)
-        flight.take("IMG_1.JPG", pictures[1])
+        flight.trigger("IMG_1.JPG")
         flight.wait_for(lambda status: "disk is full" in status["notices"][-1]["text"], "the page knows of it")
-        assert flight.end() == 1
-        assert flight.said.splitlines()[-1].startswith("gcs-mosaic: the disk is full")
+        flight.take("IMG_2.JPG", pictures[2])
+        flight.wait_for(lambda status: status["frames_in_queue"] == 1, "the picture is known")
+        asked = time.monotonic()
+        flight.process.send_signal(signal.SIGINT)
+        until(
+            lambda: "ending: the disk is waited for, at most 30 s (again Ctrl-C: at once)" in flight.said, "an answer"
+        )
+        assert time.monotonic() - asked < RETRY_S
+        flight.wait_for(lambda status: status["state"] == "settling", "the status tells that it ends")
+        assert flight.end(signal.SIGINT) == 1
+        last = flight.said.splitlines()[-1]
+        assert last.startswith("gcs-mosaic: the disk is full: free some space (")
+        left = "1 frame is not on the map yet, 2 triggers are lost"
+        assert f"The flight has ended before that: {left}. Then gcs-mosaic --resume --out {flight.out}" in last
         assert "Traceback" not in flight.said
+        assert flight.status()["state"] == "stopped"
+        assert left in flight.status()["conditions"][-1]["text"]
         filler.unlink()
         assert frames_of(flight.out)["IMG_0.JPG"].state == "placed"
         assert_accounts_close(flight, frames=len(frames_of(flight.out)), open_ones=True)
+    with flying(tmp_path, out=small_disk / "mosaic", config=config) as flight:
+        flight.wait_for_frames(placed=2)
+        assert flight.end() == 0
+
+
+@pytest.mark.long
+def test_when_the_time_for_the_end_is_up_it_ends_on_a_full_disk_too(
+    tmp_path: Path, pictures: list[bytes], small_disk: Path
+) -> None:
+    config = QUICK.replace("finish_s: 30", "finish_s: 3") + COPY_ALL
+    with flying(tmp_path, out=small_disk / "mosaic", config=config) as flight:
+        filler = fill(small_disk)
+        flight.take("IMG_0.JPG", pictures[0])
+        flight.wait_for(lambda status: "disk is full" in status["notices"][-1]["text"], "the page knows of it")
+        assert flight.end() == 1
+        assert "The flight has ended before that: 1 frame is not on the map yet, 1 trigger is lost." in flight.said
+        filler.unlink()
+
+
+@pytest.mark.long
+def test_a_disk_that_has_room_again_while_the_end_waits_costs_nothing(
+    tmp_path: Path, pictures: list[bytes], small_disk: Path
+) -> None:
+    with flying(tmp_path, out=small_disk / "mosaic", config=QUICK + COPY_ALL) as flight:
+        filler = fill(small_disk)
+        flight.take("IMG_0.JPG", pictures[0])
+        flight.wait_for(lambda status: "disk is full" in status["notices"][-1]["text"], "the page knows of it")
+        flight.process.send_signal(signal.SIGINT)
+        until(lambda: "ending: the disk is waited for" in flight.said, "an answer")
+        filler.unlink()
+        assert flight.process.wait(LONGEST_WAIT_S) == 0
+        assert frames_of(flight.out)["IMG_0.JPG"].state == "placed"
+        assert events_of(flight.out) == ["matched"]
 
 
 @pytest.mark.long

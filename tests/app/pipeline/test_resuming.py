@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -23,6 +25,7 @@ from gcs_mosaic.app.pipeline.resuming import (
     checkpoints_of,
     files_taken,
     open_flight,
+    open_stitch,
     saved_flight,
     told_again,
     utc_of_zero,
@@ -233,7 +236,45 @@ def test_a_flight_that_somebody_writes_is_not_gone_on_with(tmp_path: Path) -> No
     config = flown(tmp_path)
     with closing(open_flight(config)), closing(open_flight(config)) as beside:
         assert beside.folder.path == tmp_path / "mosaic-2"
-        assert "is being written by another gcs-mosaic" in beside.folder.said
+        assert beside.folder.said == (
+            f"{config.out} is being written by another gcs-mosaic; this flight is written to {config.out}-2"
+        )
+
+
+def test_a_folder_that_is_mapped_a_second_time_is_told(tmp_path: Path) -> None:
+    config = flown(tmp_path)
+    status = {"watch": {"kind": "folder", "folder": config.watch}}
+    (tmp_path / "mosaic" / "status.json").write_text(json.dumps(status))
+    again = f", so {config.watch} is mapped a second time (gcs-mosaic serve {config.out} shows that map, too); "
+    with closing(open_flight(config)):
+        with closing(open_flight(config)) as beside:
+            assert again in beside.folder.said
+        with closing(open_flight(replace(config, watch=str(tmp_path / "other")))) as beside:
+            assert "a second time" not in beside.folder.said
+        with pytest.raises(UsageError, match=r"^--resume: .* is being written by another gcs-mosaic: end"):
+            open_flight(replace(config, resume="always"))
+
+
+@pytest.mark.parametrize("page", [0, 3], ids=["its head", "its rows"])
+def test_a_damaged_ledger_stops_no_start(tmp_path: Path, page: int) -> None:
+    """Another flight is begun beside it; only who asks for that flight is refused."""
+    config = flown(tmp_path)
+    ledger = tmp_path / "mosaic" / LEDGER_NAME
+    data = bytearray(ledger.read_bytes())
+    data[4096 * page : 4096 * (page + 12)] = os.urandom(4096 * 12)
+    ledger.write_bytes(data)
+    before = ledger.read_bytes()
+    repair = f"is damaged, and left as it is: gcs-mosaic check {config.out} --repair may bring it back"
+    with closing(open_flight(config)) as opened:
+        assert opened.folder.path == tmp_path / "mosaic-2"
+        assert opened.folder.said == (
+            f"the ledger of the flight in {config.out} {repair}; this flight is written to {config.out}-2"
+        )
+    with pytest.raises(UsageError, match=re.escape(f"{repair}, or begin another flight with --new")):
+        open_flight(replace(config, resume="always"))
+    with pytest.raises(UsageError, match=re.escape(f"{repair}, or begin another flight with another --out")):
+        open_stitch(config)
+    assert ledger.read_bytes() == before
 
 
 def test_of_two_aircraft_each_finds_its_own_flight_again(tmp_path: Path) -> None:

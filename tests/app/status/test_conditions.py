@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from gcs_mosaic.app.live.left_behind import unpainted_words
 from gcs_mosaic.app.status.conditions import Conditions, Facts
-from gcs_mosaic.messages import Aircraft, CameraCount, LinkReport, SourceReport
+from gcs_mosaic.messages import Aircraft, CameraCount, LinkReport, Refusals, SourceReport
+from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.records import Accounts, FrameState
 from gcs_mosaic.store.status import AircraftStatus, Behind
 from gcs_mosaic.store.told_documents import EventAccount, FrameAccount
@@ -56,6 +60,15 @@ def beside(**told: Any) -> Facts:
     return replace(FLYING, source=replace(FOLDER, **told))
 
 
+def refusing(**counts: int) -> Facts:
+    """Pictures come, and of the packets not one was let in."""
+    link = LinkReport(address="udp:14550", state="listening", refused=Refusals(**counts))
+    return replace(FLYING, links=(link,), accounts=Accounts(frames=FrameAccount(placed=9)))
+
+
+ONLY_A_GROUND_STATION = replace(
+    FLYING, links=(replace(HEARD, hears_ground_station=True),), accounts=Accounts(frames=FrameAccount(placed=9))
+)
 NEWS = {
     "raw": ("raw", beside(passed_over=((".arw", 6),))),
     "only others": ("only others", beside(taken=0, passed_over=((".mp4", 6),))),
@@ -86,6 +99,10 @@ NEWS = {
         "triggers of aircraft 2",
         replace(FLYING, aircraft=(account(1, matched=9), account(2, matched=0))),
     ),
+    "refused, not signed": ("refused udp:14550", refusing(unsigned=60)),
+    "refused, another key": ("refused udp:14550", refusing(unsigned=3, forged=60)),
+    "refused, old": ("refused udp:14550", refusing(replayed=60)),
+    "only a ground station": ("aircraft", ONLY_A_GROUND_STATION),
     "triggers": ("triggers", replace(FLYING, accounts=Accounts(frames=FrameAccount(placed=9)))),
     "orphan": ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=1))),
     "orphans": ("orphans", replace(FLYING, accounts=replace(FLYING.accounts, orphans=3))),
@@ -100,9 +117,75 @@ NEWS = {
 }
 
 
+STAY = {
+    *("raw", "left", "one left", "left, and a clock", "islands", "orphan", "orphans", "missing", "several"),
+    *("refused, not signed", "refused, another key", "refused, old"),
+    *("only a ground station", "triggers", "no trigger of one"),
+}
+
+
 @pytest.mark.parametrize(("key", "facts"), NEWS.values(), ids=NEWS.keys())
 def test_what_is_so_is_told(key: str, facts: Facts) -> None:
     assert keys(Conditions(), facts) == [key]
+
+
+TORN = {0: HeldOut(median_px=3.0, p95_px=60.0, matches=99), 1: HeldOut(median_px=3.0, p95_px=math.inf, matches=99)}
+NOT_ON_THE_MAP = FrameAccount(placed=9, rejected=2, damaged=1, duplicate=4)
+# What is left of each of NEWS once the flight has ended, and what is certain only then.
+ENDED = {
+    **{name: (key if name in STAY else None, facts) for name, (key, facts) in NEWS.items()},
+    "not mapped": ("not mapped", replace(FLYING, accounts=replace(FLYING.accounts, frames=FrameAccount(rejected=2)))),
+    "not read": ("not read", replace(FLYING, accounts=replace(FLYING.accounts, frames=FrameAccount(damaged=1)))),
+    "torn": ("torn island 0", replace(FLYING, held_out={0: TORN[0]})),
+    "torn without end": ("torn island 1", replace(FLYING, held_out={1: TORN[1]})),
+}
+
+
+@pytest.mark.parametrize(("key", "facts"), ENDED.values(), ids=ENDED.keys())
+def test_of_an_ended_flight_is_told_what_stays_so(key: str | None, facts: Facts) -> None:
+    """At once, however briefly it was so before."""
+    assert [one.key for one in Conditions().at_the_end(facts)] == ([key] if key else [])
+
+
+def test_what_stays_is_told_since_it_is_so_and_said_once() -> None:
+    conditions = Conditions()
+    facts = replace(FLYING, islands=2, accounts=replace(FLYING.accounts, frames=NOT_ON_THE_MAP))
+    keys(conditions, facts)
+    conditions.left["unpainted"] = unpainted_words(Path("map"))
+    conditions.pairing = "which is whose is not known"
+    conditions.fresh()
+    told = conditions.at_the_end(replace(facts, utc=1100.0))
+    since = {one.key: one.since_utc for one in told}
+    assert since == {"islands": 1000.0} | dict.fromkeys(("pairing", "not mapped", "not read", "unpainted"), 1100.0)
+    assert "2 of 12 frames" in next(one.text for one in told if one.key == "not mapped")
+    assert [notice.text.partition(":")[0] for notice in conditions.fresh()] == ["Not on the map"] * 2
+
+
+def test_packets_beside_those_that_are_signed_are_told_as_long_as_they_come() -> None:
+    conditions = Conditions()
+
+    def told(seconds: float, unsigned: int) -> list[str]:
+        link = replace(HEARD, refused=Refusals(unsigned=unsigned))
+        found = conditions.so_now(replace(FLYING, utc=1000.0 + seconds, links=(link,)))
+        return [f"{one.level} {one.key}" for one in found]
+
+    assert [told(second, 5 * second) for second in range(11)] == [[]] * 11
+    assert told(11, 60) == ["info refused udp:14550"]
+    assert told(22, 60) == []
+
+
+def test_a_link_that_is_silent_because_all_is_refused_is_told_so() -> None:
+    conditions = Conditions()
+    silent = replace(HEARD, state="silent", refused=Refusals(forged=9))
+    (one,) = conditions.so_now(replace(FLYING, links=(silent,)))
+    assert one.text.startswith("All packets on udp:14550 are refused, because they are signed with another key")
+    (one,) = conditions.so_now(replace(FLYING, links=(silent,), utc=1020.0))
+    assert one.text.startswith("The link udp:14550 is silent")
+
+
+def test_an_aircraft_on_another_link_suffices() -> None:
+    ground = LinkReport(address="udp:14551", state="heard", last_heard_utc=1000.0, hears_ground_station=True)
+    assert keys(Conditions(), replace(FLYING, links=(heard((1, 1000.0)), ground))) == []
 
 
 def test_a_link_that_never_spoke_is_not_called_silent() -> None:

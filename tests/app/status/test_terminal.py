@@ -10,12 +10,13 @@ from rich.console import Console
 
 from gcs_mosaic.app.status.reporter import Reporter
 from gcs_mosaic.app.status.terminal import Terminal
-from gcs_mosaic.messages import Notice
+from gcs_mosaic.messages import LinkReport, Notice
 from gcs_mosaic.stitch.graph.tearing import HeldOut
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import Accounts, FlightRecord
-from gcs_mosaic.store.status import Behind, LastFrame
-from gcs_mosaic.store.told_documents import FrameAccount
+from gcs_mosaic.store.status import Behind, LastFrame, read_status
+from gcs_mosaic.store.told_documents import DaemonState, EventAccount, FrameAccount
+from tests.documents import document_at
 
 ERASED = "\r\x1b[2K"
 
@@ -86,6 +87,24 @@ def test_frames_are_told_each_only_if_that_is_asked_for(flown: tuple[Screen, Rep
     counts = Accounts(frames=FrameAccount(placed=7, waiting=1))
     all_together.write("flying", Behind(frames=3, seconds=4.0), 1, lambda: counts, now=True)
     assert "flying; frames: 7 placed, 1" in screen.getvalue()
+
+
+def test_the_status_of_an_ended_flight_tells_what_stays_so(
+    flown: tuple[Screen, Reporter, Reporter], tmp_path: Path
+) -> None:
+    screen, reporter, _ = flown
+    reporter.link(LinkReport(address="udp:14550", state="silent", last_heard_utc=1.0))
+    accounts = Accounts(frames=FrameAccount(placed=7, rejected=2), events=EventAccount(matched=7, missing=1))
+    held_out = {0: HeldOut(4.0, 81.0, 500)}
+
+    def told(state: DaemonState) -> set[str]:
+        reporter.write(state, Behind(), 1, lambda: accounts, lambda: held_out, islands=2, now=True)
+        return {one["key"] for one in document_at(tmp_path / "status.json")["conditions"]}
+
+    assert told("settling") == {"link udp:14550", "missing"}
+    assert told("stopped") == {"missing", "islands", "not mapped", "torn island 0"}
+    assert "Not on the map: 2 of 9 frames" in read_status(tmp_path)
+    assert "The map is in 2 parts" in screen.getvalue()
 
 
 def test_an_island_that_is_torn_is_warned_of(flown: tuple[Screen, Reporter, Reporter]) -> None:
