@@ -17,7 +17,7 @@ from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.features.learned import RATIO
 from gcs_mosaic.stitch.registration.a_contrario import chance_of_agreement, log_evidence
 from gcs_mosaic.stitch.registration.agreement import PixelPair
-from gcs_mosaic.stitch.registration.by_pixels import looked_at, proved_by_pixels, with_patches
+from gcs_mosaic.stitch.registration.by_pixels import is_one_of_many, looked_at, proved_by_pixels, with_patches
 from gcs_mosaic.stitch.registration.confirmation import why_contradicted
 from gcs_mosaic.stitch.registration.frame_pair import (
     ALL,
@@ -91,6 +91,8 @@ def _by_keypoints(
         found = in_full_resolution(pair, homography, inlier, displaced, independent, evidence)
         impossible = why_impossible(homography, pair.a[inlier], evidence, settings)
         doubt = impossible or why_contradicted(pair, homography, pair.a[inlier | displaced], settings)
+        if not doubt and is_one_of_many(found, pictures, settings):
+            doubt = "it lies as well at other places of rows of one make"
         if not doubt:
             return with_patches(found, pictures, a, b, settings), proposals
         first_doubt = first_doubt or NotRegistered(doubt, independent, found.pixels_a, found.pixels_b)

@@ -12,7 +12,13 @@ from gcs_mosaic.stitch.arrays import Matrix3x3, PointsNx2
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.registration import by_pixels
 from gcs_mosaic.stitch.registration.agreement import Agreement, PixelPair
-from gcs_mosaic.stitch.registration.by_pixels import looked_at, proved_by_pixels, should_have_matched, with_patches
+from gcs_mosaic.stitch.registration.by_pixels import (
+    is_one_of_many,
+    looked_at,
+    proved_by_pixels,
+    should_have_matched,
+    with_patches,
+)
 from gcs_mosaic.stitch.registration.frame_pair import ALL, FramePair, frame_pair
 from gcs_mosaic.stitch.registration.outcome import NO_MATCHES, Registration
 from gcs_mosaic.stitch.registration.patches import Patches
@@ -218,6 +224,20 @@ def test_patches_off_the_plane_are_kept_as_displaced(monkeypatch: pytest.MonkeyP
 
 def registration(independent: int) -> Registration:
     return Registration(GRID[:4], GRID[:4], np.zeros((4, 2), np.intp), np.eye(3), independent, 9.0)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "detail", "alone", "many"),
+    [(19.0, 0.8, 0.9, True), (20.0, 0.8, 0.9, False), (19.0, 0.6, 0.9, False), (19.0, 0.8, 1.0, False)],
+    ids=["", "plainly", "other details", "alone"],
+)
+def test_keypoints_that_prove_little_on_rows_of_one_make_are_not_believed(
+    evidence: float, detail: float, alone: float, many: bool
+) -> None:
+    found, seen = replace(registration(15), evidence=evidence), {0.0: agreement(np.eye(3), alone=alone)}
+    assert is_one_of_many(found, Pictures(seen, detail=detail).pair, SETTINGS) is many
+    assert not is_one_of_many(found, Pictures(detail=detail).pair, SETTINGS), "the pictures do not agree"
+    assert not is_one_of_many(found, Pictures(seen, detail=detail, known=False).pair, SETTINGS)
 
 
 @pytest.mark.usefixtures("ground")
