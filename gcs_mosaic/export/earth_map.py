@@ -24,7 +24,8 @@ from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.store.told_islands import told_islands
 from gcs_mosaic.views.flight_view import FlightView
 
-HOW = "set two pins or more on its page, or `gcs-mosaic anchor DIR --points FILE`; png, tiff and placements need no anchor"
+HOW = "set two pins or more on its page, or `gcs-mosaic anchor DIR --points FILE`"
+ELSE = "png, tiff and placements need no anchor"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,8 +161,9 @@ def _without(flight: Path, island: int | None, laid: Mapping[int, IslandAnchor])
         one.result.reason for one in laid.values() if isinstance(one.result, Refused) and island in (None, one.island)
     ]
     what = f"The map in {flight}" if island is None else f"Island {island} of {flight}"
-    why = f" ({refused[0]})" if refused else ""
-    return f"{what} has no anchor{why}, and so no longitude: {HOW}."
+    if refused:
+        return f"{what} has no anchor, and so no longitude. {refused[0]} The formats {ELSE}."
+    return f"{what} has no anchor, and so no longitude: {HOW}; {ELSE}."
 
 
 def _way(laid: IslandAnchor) -> str:

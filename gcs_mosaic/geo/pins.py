@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,15 +18,17 @@ from gcs_mosaic.geo.anchor import (
     similarity,
 )
 from gcs_mosaic.geo.ellipsoid import FURTHEST_M, Floats, LocalPlane
-from gcs_mosaic.geo.gross_errors import Supposition, suppositions
+from gcs_mosaic.geo.gross_errors import UNUSUAL, Supposition, suppositions, usual_squares
 from gcs_mosaic.geo.points import USUAL_SIGMA_M, Pin, Points, coordinates, plane_of, points_of
 
-__all__ = ["USUAL_SIGMA_M", "Pin", "PinnedMap", "Refused", "anchored_by_pins", "misfit_of"]
+__all__ = ["UNUSUAL", "USUAL_SIGMA_M", "Pin", "PinnedMap", "Refused", "anchored_by_pins", "misfit_of"]
 
 APART_SIGMAS = 10.0  # of two pins: nearer ones turn the map by more than 8 degrees of one standard deviation
 MISFIT_SIGMAS = 3.0  # a pin further from where the map lays it does not fit
-UNUSUAL = 2.75  # standard deviations of a normal distribution: 99.7 % are below
 POINTED_UNITS = 2.0  # how exactly people point at a place, one standard deviation in canvas units
+SAME_SCALE = 0.1
+CONTRADICTING = 1.25  # times the usual sum of squares: beyond it points are not believed to be as exact as is said
+RATHER = 2 / 3  # of all that is likely: halves that contradict each other have one half of it each
 SURE = 0.9  # of all that is likely: so much of it must say the same
 
 
@@ -76,22 +78,37 @@ def anchored_by_pins(pins: Sequence[Pin], map_error_units: float = 0.0) -> Pinne
     refused = _refused(pins, points)
     if refused is not None:
         return refused
-    turn, _ = similarity(points.places, points.spots, points.sigmas**-2)
-    others = np.hypot(points.scatter, math.hypot(map_error_units, POINTED_UNITS)) * abs(turn)
-    told = suppositions(points.places, points.spots, points.sigmas, others, points.supposed)
-    anchor = _anchor(plane, told, map_error_units)
+    anchor, told = _laid(points, plane, map_error_units)
     if not GSD_M[0] <= abs(anchor.turn) <= GSD_M[1]:
         return Refused(_absurd(anchor.turn))
     residuals = tuple(map(float, np.abs(anchor.turn * places + anchor.shift - spots)))
     return _judged(anchor, residuals, points, told)
 
 
+def _laid(points: Points, plane: LocalPlane, map_error_units: float) -> tuple[Anchor, list[Supposition]]:
+    turn, _ = similarity(points.places, points.spots, points.sigmas**-2)
+    anchor, told = _with_units_of(abs(turn), points, plane, map_error_units)
+    if abs(abs(anchor.turn) / abs(turn) - 1) > SAME_SCALE:  # wrong points had taken it along
+        return _with_units_of(abs(anchor.turn), points, plane, map_error_units)
+    return anchor, told
+
+
+def _with_units_of(
+    metres: float, points: Points, plane: LocalPlane, map_error_units: float
+) -> tuple[Anchor, list[Supposition]]:
+    """Canvas units of so many metres tell how exact the points' places are."""
+    others = np.hypot(points.scatter, math.hypot(map_error_units, POINTED_UNITS)) * metres
+    told = suppositions(points.places, points.spots, points.sigmas, others, points.supposed)
+    return _no_better_than_its_points(_anchor(plane, told, map_error_units), points, told), told
+
+
 def _judged(anchor: Anchor, residuals: tuple[float, ...], points: Points, told: Sequence[Supposition]) -> PinnedMap:
     count = len(points.names)
-    wrong = _surely_wrong(told)
+    undecided = told[0].weight < SURE and _contradict(anchor, points, _kept(told, points))
+    wrong = frozenset[int]() if undecided else _surely_wrong(told)
     all_right = next((one for one in told if not one.wrong), None)
     weight = 0.0 if all_right is None else all_right.weight
-    sigmas = np.hypot(points.sigmas, np.hypot(POINTED_UNITS * abs(anchor.turn), anchor.map_error_m))
+    sigmas = _sigmas(anchor, points)
     fits = count == 2 or (weight > 0.5 and misfit_of(points.places, points.spots, sigmas) <= 1)
     return PinnedMap(
         anchor,
@@ -157,22 +174,62 @@ def _anchor(plane: LocalPlane, told: Sequence[Supposition], map_error_units: flo
     )
 
 
+def _no_better_than_its_points(anchor: Anchor, points: Points, told: Sequence[Supposition]) -> Anchor:
+    """Where even the points that are not called wrong contradict each other their errors are none that average out: the map lies
+    nowhere better than it does at one of them."""
+    kept = _kept(told, points)
+    if not _contradict(anchor, points, kept):
+        return anchor
+    missed = np.abs(anchor.turn * points.places[kept] + anchor.shift - points.spots[kept])
+    of_one = WITHIN_95 * math.sqrt(float((missed**2).mean()) / 2)
+    return replace(anchor, least_error_m=min(float(missed.max()), of_one))
+
+
+def _kept(told: Sequence[Supposition], points: Points) -> list[int]:
+    wrong = _wrong(told, RATHER)
+    return [at for at in range(len(points.names)) if at not in wrong]
+
+
+def _contradict(anchor: Anchor, points: Points, kept: list[int]) -> bool:
+    if len(kept) <= 2:
+        return False
+    return _squares(_missed(points.places[kept], points.spots[kept], _sigmas(anchor, points)[kept])) > CONTRADICTING
+
+
+def _sigmas(anchor: Anchor, points: Points) -> Floats:
+    """Of where each point is laid, as is said of it, of pointing and of the map; metres in each direction."""
+    return np.hypot(points.sigmas, np.hypot(POINTED_UNITS * abs(anchor.turn), anchor.map_error_m))
+
+
 def _surely_wrong(told: Sequence[Supposition]) -> frozenset[int]:
     """The points that nearly all suppositions call wrong."""
+    return _wrong(told, SURE)
+
+
+def _wrong(told: Sequence[Supposition], share: float) -> frozenset[int]:
+    """The points that so much of what is likely calls wrong."""
     suspected = frozenset[int]().union(*(one.wrong for one in told))
-    return frozenset(at for at in suspected if sum(one.weight for one in told if at in one.wrong) >= SURE)
+    return frozenset(at for at in suspected if sum(one.weight for one in told if at in one.wrong) >= share)
 
 
 def misfit_of(places: Complexes, spots: Complexes, sigmas: Floats) -> float:
     """How badly the pins fit: above 1 they are not believed, by the worst of them or by all together."""
-    freedom = 2 * len(places) - 4
-    if freedom <= 0:
+    if len(places) <= 2:
         return 0.0
+    missed = _missed(places, spots, sigmas)
+    return float(max(missed.max() / MISFIT_SIGMAS, _squares(missed)))
+
+
+def _missed(places: Complexes, spots: Complexes, sigmas: Floats) -> Floats:
+    """By how many standard deviations the points miss the similarity that fits them best."""
     turn, shift = similarity(places, spots, sigmas**-2)
-    missed = np.abs(turn * places + shift - spots) / sigmas
-    spread = 2 / (9 * freedom)
-    most = freedom * (1 - spread + UNUSUAL * math.sqrt(spread)) ** 3  # Wilson and Hilferty, of the sum of squares
-    return float(max(missed.max() / MISFIT_SIGMAS, (missed**2).sum() / most))
+    missed: Floats = np.abs(turn * places + shift - spots) / sigmas
+    return missed
+
+
+def _squares(missed: Floats) -> float:
+    """Their sum, of three points or more, in what is usual."""
+    return float((missed**2).sum()) / usual_squares(2 * len(missed) - 4)
 
 
 def _turn_sigma(spots: Complexes, sigmas: Floats) -> float:

@@ -329,6 +329,22 @@ def test_without_an_anchor(
     assert main(["export", str(root), "--format", "png"]) == 0
 
 
+@pytest.mark.long
+def test_pins_that_lay_no_map_are_said_to_be_what_is_wrong(
+    flight: AnchoredFlight, refused: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Who has set four pins was told to set two."""
+    root = tmp_path_factory.mktemp("near") / "small"
+    root.mkdir()
+    laid = AnchoredFlight(root, drawn=flight.root)
+    near = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0]])
+    write_pins(root, np.concatenate([near, laid.truth.places(near)], axis=1).tolist())
+    said = refused("--format", "geotiff", root=root)
+    assert "has no anchor, and so no longitude. The pins' coordinates lie within 0 m, which with their errors" in said
+    assert said.endswith("(sigma). The formats png, tiff and placements need no anchor.\n")
+    assert "two pins" not in said
+
+
 @pytest.fixture(scope="module")
 def across(tmp_path_factory: pytest.TempPathFactory) -> AnchoredFlight:
     """A flight over the 180th meridian."""

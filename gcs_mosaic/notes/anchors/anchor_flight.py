@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, dist, inf
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from gcs_mosaic.geo.pins import PinnedMap, Refused
 from gcs_mosaic.geo.positions import PositionedMap
 from gcs_mosaic.notes.anchors.anchoring import Anchoring, IslandAnchor
 from gcs_mosaic.notes.anchors.control_points import MOST_TOLD, ControlPoint, read_control_points
-from gcs_mosaic.notes.anchors.pins import NewPin, Pins
+from gcs_mosaic.notes.anchors.pins import NewPin, Pins, SetPin
 from gcs_mosaic.notes.ground.binding import Binding, GroundFollower
 from gcs_mosaic.notes.ground.frame_names import FramesByName, bound_in
 from gcs_mosaic.notes.storage.book import NotesBook
@@ -27,6 +27,8 @@ from gcs_mosaic.store.folder import find_flight
 from gcs_mosaic.views.flight_view import FlightView
 
 WHO = "command line"
+SAME_PLACE_PX = 2.0  # apart, of a point that was pointed at twice
+VERY_SAME_PX = 0.01  # of points without a name, of which nothing else tells whether they are one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +42,8 @@ class AnchorChange:
 
 
 def anchor_flight(flight: Path, change: AnchorChange) -> str:
-    """Make a change, and tell how each island lies then. Raises UsageError, and then nothing was changed; CannotWrite."""
+    """Make a change, and tell how each island lies then. A new point takes the place of the pin of its name at its place: a table
+    is corrected and read in again. Raises UsageError, and then nothing was changed; CannotWrite."""
     view = FlightView(find_flight(flight))
     follower = GroundFollower(view)
     problems: list[str] = []
@@ -48,11 +51,13 @@ def anchor_flight(flight: Path, change: AnchorChange) -> str:
     with closing(NotesBook(view.root)) as book:
         pins = Pins(book)
         _refuse_unknown(pins, change.deleted)
+        replaced = _replaced(pins.all(), new)
         if new or change.deleted or change.positions is not None:
             with book.change():
-                _make(pins, new, change)
+                _make(pins, new, [*replaced, *change.deleted], change.positions)
         laid = Anchoring(view, follower).islands(pins.all(), by_positions=pins.by_positions)
-    return "\n".join([*problems, *_lines(view, laid)])
+    told = [_of_replaced(len(replaced))] if replaced else []
+    return "\n".join([*problems, *told, *_lines(view, laid)])
 
 
 def _read(view: FlightView, follower: GroundFollower, path: Path, problems: list[str]) -> list[NewPin]:
@@ -71,13 +76,49 @@ def _read(view: FlightView, follower: GroundFollower, path: Path, problems: list
     return new
 
 
-def _make(pins: Pins, new: Sequence[NewPin], change: AnchorChange) -> None:
+def _replaced(there: Sequence[SetPin], new: Sequence[NewPin]) -> list[int]:
+    """The pins (by number) in whose place new ones are set, one for each at most."""
+    named = defaultdict[str, dict[int, Binding]](dict)
+    for pin in there:
+        named[_name(pin.pin)][pin.id] = pin.pin.binding
+    replaced = []
+    for one in new:
+        left, most = named[_name(one)], SAME_PLACE_PX if _name(one) else VERY_SAME_PX
+        apart = {number: _apart(one.binding, binding) for number, binding in left.items()}
+        near = [number for number, (_, pixels) in apart.items() if pixels <= most]
+        if near:
+            replaced.append(min(near, key=apart.__getitem__))
+            del left[replaced[-1]]
+    return replaced
+
+
+def _name(pin: NewPin) -> str:
+    return pin.label.strip().casefold()
+
+
+def _apart(one: Binding, other: Binding) -> tuple[bool, float]:
+    """Whether two places are in other pictures, and how far they are apart: in pixels of the picture, or else canvas units, which
+    are about as large."""
+    if one.frame is not None and one.frame == other.frame and one.pixel is not None and other.pixel is not None:
+        return False, dist(one.pixel, other.pixel)
+    return True, dist((one.x, one.y), (other.x, other.y)) if one.island == other.island else inf
+
+
+def _of_replaced(count: int) -> str:
+    return (
+        f"{count} pins of these names and places were replaced"
+        if count > 1
+        else "1 pin of this name and place was replaced"
+    )
+
+
+def _make(pins: Pins, new: Sequence[NewPin], deleted: Sequence[int], positions: bool | None) -> None:
+    for number in deleted:  # before the new ones, because there may be so many pins at most
+        pins.set_deleted(number, deleted=True)
     for pin in new:
         pins.create(pin)
-    for number in change.deleted:
-        pins.set_deleted(number, deleted=True)
-    if change.positions is not None:
-        pins.ask_for_positions(WHO, asked=change.positions)
+    if positions is not None:
+        pins.ask_for_positions(WHO, asked=positions)
 
 
 def _refuse_unknown(pins: Pins, numbers: Sequence[int]) -> None:

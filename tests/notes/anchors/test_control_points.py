@@ -11,6 +11,7 @@ import pytest
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.ellipsoid import LocalPlane
+from gcs_mosaic.notes.anchors import pins as kept_pins
 from gcs_mosaic.notes.anchors.anchor_flight import AnchorChange, anchor_flight
 from gcs_mosaic.notes.anchors.control_points import read_control_points
 from gcs_mosaic.notes.anchors.pins import NewPin, Pins, SetPin
@@ -144,6 +145,64 @@ def test_points_lay_the_map_and_are_told(flight: MappedFlight, tmp_path: Path) -
     assert Pins(book).by_positions
     assert [pin.id for pin in Pins(book).all()] == [1, 2]
     book.close()
+
+
+def numbers(flight: MappedFlight) -> list[int]:
+    with closing(NotesBook(flight.root)) as book:
+        return [pin.id for pin in Pins(book).all()]
+
+
+def test_a_corrected_table_takes_the_place_of_the_wrong_one(flight: MappedFlight, tmp_path: Path) -> None:
+    """Ten pins of five points, and the map lay in between, 930 m off."""
+    good = table((0, 0), (300, 0), (0, 100))
+    wrong = written(tmp_path, good.replace(",44.", ",44.9"))
+    assert "replaced" not in anchor_flight(flight.root, AnchorChange(points=wrong))
+    for last in (6, 9):  # the second time by mistake
+        said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, good, "good.csv"))).splitlines()
+        assert said[0] == "3 pins of these names and places were replaced"
+        assert "laid by 3 pins (checked): 44.499970, 7.000126" in said[1]
+        assert numbers(flight) == [last - 2, last - 1, last]
+
+
+def test_what_is_replaced_has_its_name_and_its_place(flight: MappedFlight, tmp_path: Path) -> None:
+    head = "name,frame,px,py,lat,lon\n"
+    first = [("p", "b.jpg", 200, 150), ("", "b.jpg", 100, 100), ("q", "a.jpg", 200, 150)]
+    again = [
+        ("P", "b.jpg", 201, 151),  # pointed at once more
+        ("p", "b.jpg", 250, 150),  # elsewhere
+        ("p", "a.jpg", 200, 150),  # in another picture, and of another place
+        ("", "b.jpg", 100.5, 100),  # without a name, and beside
+        ("q", "a.jpg", 200, 150),
+        ("q", "a.jpg", 200, 150),  # twice in one table
+    ]
+    rows = ["\n".join(f"{n},{f},{x},{y},{place(x, y)}" for n, f, x, y in some) for some in (first, again)]
+    anchor_flight(flight.root, AnchorChange(points=written(tmp_path, head + rows[0])))
+    said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, head + rows[1])))
+    assert said.splitlines()[0] == "2 pins of these names and places were replaced"
+    assert numbers(flight) == [2, 4, 5, 6, 7, 8, 9]
+    same = written(tmp_path, f"frame,px,py,lat,lon\nb.jpg,100,100,{place(90, 90)}\n")
+    said = anchor_flight(flight.root, AnchorChange(points=same, deleted=[4]))
+    assert said.splitlines()[0] == "1 pin of this name and place was replaced"
+    assert numbers(flight) == [5, 6, 7, 8, 9, 10]
+
+
+def test_a_point_seen_in_two_pictures_keeps_both(flight: MappedFlight, tmp_path: Path) -> None:
+    """One place of the map, pointed at in each of them: a row takes the place of its own picture's pin."""
+    flight.paint("c.jpg", Pose(300.0, 0.0), island=0)
+    text = "name,frame,px,py,lat,lon\n" + "\n".join(f"p,{name}.jpg,200,150,{place(300, 0)}" for name in "bc")
+    anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
+    assert "2 pins of these" in anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
+    assert numbers(flight) == [3, 4]
+    alone = written(tmp_path, text.rsplit("\n", 1)[0], "alone.csv")
+    assert "1 pin of this" in anchor_flight(flight.root, AnchorChange(points=alone))
+    assert numbers(flight) == [4, 5]
+
+
+def test_a_full_table_is_read_in_again(flight: MappedFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_pins, "MOST_PINS", 3)
+    points = written(tmp_path, table((0, 0), (300, 0), (0, 100)))
+    anchor_flight(flight.root, AnchorChange(points=points))
+    assert "3 pins of these" in anchor_flight(flight.root, AnchorChange(points=points))
 
 
 def test_a_frame_is_found_by_its_file_s_name(flight: MappedFlight, tmp_path: Path) -> None:
