@@ -258,7 +258,7 @@ class FolderWatch:
             yield item
         if isinstance(item, Frame):
             yield from self._doubted(item.name, self._candidates[look.path].doubt)
-            yield from self._is_old_news(item)
+            yield from self._of_long_ago(item)
 
     def _accepted(self, frame: Frame, now: float) -> Iterator[Item]:
         name, version = file_and_version(frame.name)
@@ -288,7 +288,7 @@ class FolderWatch:
             text += f" {self._settings.damaged_after_s:g} s (frames: {{damaged_after_s: …}})"
             yield Notice(source=str(self._folder), level="info", text=text)
 
-    def _is_old_news(self, frame: Frame) -> Iterator[Notice]:
+    def _of_long_ago(self, frame: Frame) -> Iterator[Notice]:
         """Say once that a card with an earlier flight may have been put in: its frames are mapped with those of this one."""
         hours = (self._oldest_ns / 1e9 - frame.modified) / 3600
         if self._polls > 1 and hours > 0 and not self._said_old:

@@ -31,11 +31,11 @@ MOST_FINEST = 0.16
 ALIKE = 0.7  # the same of coarse textures: woods that agree so well have 60 independent inliers and more
 DETAILED = 1300  # features per megapixel of a feature picture with details everywhere
 BLURRED = 1.5  # ratio of `sharpness`: a picture that is less sharp by so much has lost the other's details
-# The same of pairs of one place that lack details or lose them by blur: 0.64 and less of eight flights, blurred ones among them.
+# The same of pairs of one place that lack details or lose them by blur: 0.64 and less of seven flights, blurred ones among them.
 # Graves and panels that differ by less than the noise have 0.79 and more, and other shifts that are about as good.
 WHOLLY_ALIKE, CLEARLY_ALONE = 0.7, 6.0
-# Decades of keypoints' evidence that need no pictures: on such rows false ones had up to 27, ten of thirteen less than 20; true
-# ones of a quarter of a frame and more have 23 and more.
+# Decades of keypoints' evidence that need no pictures: on such rows false ones had up to 27, eleven of thirteen less than 20;
+# true ones of a quarter of a frame and more have 23 and more.
 PLAINLY = 20.0
 # Of the diagonal: as far as crowns are displaced that stand a quarter of the flying height tall, at 50 % overlap.
 SAME_PLACE = 0.12
