@@ -136,7 +136,7 @@ ALLOWED = {
 # What a room may import of another of which it needs one thing only.
 ONLY = {
     ("render", "stitch.graph"): {"placement"},
-    ("render", "stitch.features"): {"extraction"},
+    ("render", "stitch.features"): {"extraction", "shelf"},
     ("store", "stitch.graph"): {"placement", "observer", "tearing"},
     ("views", "stitch.graph"): {"placement"},
     ("views", "frames"): {"decode", "decoding", "exif", "integrity", "numbers", "temperature"},

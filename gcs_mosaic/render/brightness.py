@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from gcs_mosaic.render.agreement import (
     Aircraft,
@@ -21,6 +21,7 @@ from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.vignetting import FLAT, Vignetting, VignettingEstimate, VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
 from gcs_mosaic.stitch.transaction import Kept
 
 Size = tuple[int, int]  # width, height of frames as painted
@@ -28,21 +29,45 @@ Camera = tuple[Aircraft, Size, int]  # with the number of bands
 CountOverlap = tuple[str, str, CountsInOverlap]  # frame i, frame j, what they have in common
 
 
+@dataclass(frozen=True, slots=True)
+class Thumbnail:
+    """A frame's picture (h, w, bands) much reduced, as it came. It may lie on a shelf: it is asked for while frames come around
+    it, and seldom later."""
+
+    kept: Bands | Shelved
+
+    @property
+    def picture(self) -> Bands:
+        return at_hand(self.kept)
+
+    def shelved(self, shelve: Shelve) -> Thumbnail:
+        return Thumbnail(shelve(self.picture))
+
+    def __getstate__(self) -> list[object]:
+        """What is pickled lies on no shelf. Raises OSError if it is lost."""
+        return [exactly(self.kept)]
+
+
 class Brightness(Kept):
     """Thumbnails of all painted frames; their overlaps determine gains, vignetting and light fields.
 
-    `dead_of`: the known dead border of a camera's frames.
+    `dead_of`: the known dead border of a camera's frames. `shelve`: where thumbnails go.
     """
 
-    FIXED = frozenset({"_dead_of"})
+    FIXED = frozenset({"_dead_of", "_shelve"})
 
     def __init__(
-        self, exposure: ExposureSettings, vignetting: VignettingSettings, dead_of: Callable[[Camera], DeadBorder]
+        self,
+        exposure: ExposureSettings,
+        vignetting: VignettingSettings,
+        dead_of: Callable[[Camera], DeadBorder],
+        shelve: Shelve | None = None,
     ) -> None:
         self._exposure = exposure
         self._no_estimate = VignettingEstimate(vignetting)
         self._dead_of = dead_of
-        self._thumbnails: dict[str, Bands] = {}  # as they came
+        self._shelve = shelve
+        self._thumbnails: dict[str, Thumbnail] = {}
         self._false_colour: set[str] = set()  # a palette that follows each frame's own range carries no exposure
         self._overlaps: list[Overlap] = []
         self.counts: list[CountOverlap] = []  # of frames of counts, each pair of one camera
@@ -61,7 +86,7 @@ class Brightness(Kept):
         found: list[tuple[CountsInOverlap, CountStep]] = []
         for painted, step in beside:
             if painted.island == new.island and self.camera_of(painted) == camera:
-                counts = counts_overlap_of(new, thumbnail, painted, self._thumbnails[painted.name])
+                counts = counts_overlap_of(new, thumbnail, painted, self._thumbnails[painted.name].picture)
                 if counts is not None:
                     self.counts.append((new.name, painted.name, counts))
                     found.append((counts, step))
@@ -72,7 +97,9 @@ class Brightness(Kept):
     ) -> RenderItem:
         """A frame with gain, vignetting and light field that match painted frames beside it; used as a reference from now
         on. Another `aircraft` has another lens."""
-        self._thumbnails[new.name], self._carriers[new.name] = thumbnail, aircraft
+        kept = Thumbnail(thumbnail)
+        self._thumbnails[new.name] = kept if self._shelve is None else kept.shelved(self._shelve)
+        self._carriers[new.name] = aircraft
         if is_false_colour(new.display.levels(thumbnail)):
             self._false_colour.add(new.name)
         found = self._find_overlaps(new, beside)
@@ -138,7 +165,7 @@ class Brightness(Kept):
         if not self._false_colour.isdisjoint((one.name, other.name)):
             return None
         i, j = (replace(painted, dead=self._dead_of(self.camera_of(painted))) for painted in (one, other))
-        small_i, small_j = (painted.display.levels(self._thumbnails[painted.name]) for painted in (i, j))
+        small_i, small_j = (painted.display.levels(self._thumbnails[painted.name].picture) for painted in (i, j))
         return overlap_of(i, small_i, j, small_j)
 
 

@@ -27,6 +27,7 @@ from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBor
 from gcs_mosaic.stitch.camera.geometry import reduced_view
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, without_border
+from gcs_mosaic.stitch.features.shelf import Shelve
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.transaction import Kept
 
@@ -83,7 +84,7 @@ class RepaintQueue(Kept):
 
     A large frame is painted coarsely at first, so that its ground is on the map soon, and sharpened together with the next ones.
     `record(painted)` is called whenever a frame is painted or is to be repainted, before its tiles change. If not `live`, new
-    frames wait for repainting.
+    frames wait for repainting. `shelve`: where their thumbnails go.
     """
 
     FIXED = frozenset({"_record", "_newest_s"})  # the latter by a clock that begins anew with each start
@@ -95,6 +96,7 @@ class RepaintQueue(Kept):
         settings: PaintSettings,
         *,
         live: bool = True,
+        shelve: Shelve | None = None,
     ) -> None:
         self._settings = settings
         self._live = live
@@ -106,7 +108,7 @@ class RepaintQueue(Kept):
         self._levels = PaintingLevels()
         self._borders: dict[Camera, BorderWatch] = {}
         self._overlays: dict[Camera, StillMask] = {}
-        self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of)
+        self._brightness = Brightness(settings.exposure, settings.vignetting, self._dead_of, shelve)
         self._changed: dict[str, float] = {}  # frames the canvas is to be told of, with their urgency
         self._coarse: dict[str, None] = {}  # frames painted coarsely at first, to be sharpened
         self._newest_s = -PAUSE_S  # when the newest frame was painted

@@ -1,7 +1,9 @@
 """What frames are told of each other's brightness: it outlasts what happens to them between two steps of repainting, and each
 aircraft has a vignetting of its own."""
 
+from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from painting_parts import painted, picture
@@ -15,6 +17,8 @@ from gcs_mosaic.render.vignetting import OUTWARDS, Vignetting, VignettingSetting
 from gcs_mosaic.stitch.arrays import Levels
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
+from gcs_mosaic.store.array_shelf import ArrayShelf
+from gcs_mosaic.store.checkpoint import encoded
 
 LENS = Camera(96, 72, focal=1.2)
 FALLS = {
@@ -35,6 +39,20 @@ def test_an_overlap_outlasts_the_moving_of_one_island_to_another() -> None:
     moved = replace(one, island=1, pose=replace(one.pose, x=5000.0))
     brightness.compare_again(there | {one.name: moved}, there)
     assert brightness.final(there) == known
+
+
+def test_thumbnails_on_a_shelf_tell_the_same_and_come_whole_into_a_checkpoint(tmp_path: Path) -> None:
+    """One fits into memory, so that the others are read again."""
+    frames = flown_by_two()
+    told = []
+    with closing(ArrayShelf(frames[0][1].nbytes, tmp_path)) as shelf:
+        for shelve in (None, shelf.shelve):
+            brightness = Brightness(ExposureSettings(), VignettingSettings(), lambda camera: NO_BORDER, shelve)
+            settled: list[RenderItem] = []
+            for frame, small, aircraft in frames:
+                settled.append(brightness.settled(frame, small, settled, aircraft))
+            told.append((settled, brightness.final({one.name: one for one in settled}), encoded(brightness.saved())))
+    assert told[0] == told[1]
 
 
 def flown_by_two() -> list[tuple[RenderItem, Levels, int]]:

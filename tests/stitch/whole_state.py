@@ -100,8 +100,8 @@ class _Teller:
             known |= {field.name: getattr(value, field.name) for field in fields(value)}
         for name in sorted(known.keys() - OUTSIDE - NO_STATE.get(type(value), set())):
             self._write(name)
-            if isinstance(value, RetrievalIndex) and name == "_descriptors":
-                self.tell(value._descriptors[: value._count * PER_FRAME])
+            if isinstance(value, RetrievalIndex) and name == "_blocks":
+                self.tell([value._stored(np.arange(value._count * PER_FRAME)) for _ in value._blocks[:1]])
             elif isinstance(value, Store) and name == "_held":
                 self.tell({repr(key): _value(value, value._held[key]) for key in sorted(value._held, key=repr)})
             else:

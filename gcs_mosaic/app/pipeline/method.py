@@ -51,7 +51,7 @@ def method_of(
 ) -> Method:
     """The configured method. `painted` is called for each frame that is painted or repainted.
 
-    `out` holds the tiles written so far, and scratch files; `shelve`: where features go; `finer`: those of a second look.
+    `out` holds the tiles written so far, and scratch files; `shelve`: for features and thumbnails; `finer`: of a second look.
     """
     if config.method == "paper":
         paper = PaperMosaic(config.paper, config.reduction)
@@ -59,6 +59,6 @@ def method_of(
     observers = Observers(Journal(), observer)
     mosaic = Mosaic(config.stitch, worker, punctual=punctual, observer=observers, shelve=shelve, finer=finer)
     canvas = TileCompositor(load_original, config.paint.canvas, load_tile=partial(read_tile, out), scratch=out)
-    renderer = RepaintQueue(canvas, painted, config.paint, live=paint_live)
+    renderer = RepaintQueue(canvas, painted, config.paint, live=paint_live, shelve=shelve)
     features = config.stitch.features
     return Method(mosaic, renderer, partial(extract, settings=features), features.megapixels * 1e6)

@@ -14,6 +14,7 @@ from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.directory import Taken
 from gcs_mosaic.frames.pending_file import file_and_version
+from gcs_mosaic.render.brightness import Thumbnail
 from gcs_mosaic.render.exposure import OverlapMeans
 from gcs_mosaic.render.render_list import RenderEntry
 from gcs_mosaic.stitch.features.extraction import Features
@@ -40,7 +41,8 @@ logger = logging.getLogger(__name__)
 
 SAME_CLOCK_S = 60.0  # tolerance for clock corrections, shorter than any reboot takes
 PAPER = Unusable("a map of the paper's recipe is in memory only")
-LARGE = (Features, Link, Registration, RenderEntry, OverlapMeans)  # types of checkpoint values that are written once
+# Types of checkpoint values that are written once.
+LARGE = (Features, Link, Registration, RenderEntry, OverlapMeans, Thumbnail)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,11 +202,11 @@ def checkpoints_of(
 ) -> Checkpoints | None:
     """The checkpoints of a flight's folder; None for the paper's recipe, whose single image exists in memory only.
 
-    `shelf`: where the features go that are read.
+    `shelf`: where the features and thumbnails go that are read.
     """
 
     def received(value: object) -> object:
-        return value.shelved(shelf.shelve) if isinstance(value, Features) and shelf is not None else value
+        return value.shelved(shelf.shelve) if isinstance(value, Features | Thumbnail) and shelf is not None else value
 
     return None if config.method == "paper" else Checkpoints(out, LARGE, received, read_only=read_only)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from gcs_mosaic.stitch.arrays import Descriptors, FloatRows, IndexRows, Indices
 from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand
 from gcs_mosaic.stitch.transaction import Kept, Numbers, Snapshot
 
 PER_FRAME = 200  # strongest descriptors stored per frame; 10 % overlap still shares several
@@ -27,15 +28,17 @@ LEARN_AT = (64, 512)  # frames at which the vocabulary is learnt (a single word 
 SAMPLE = 50  # descriptors per word in the training sample
 ROUNDS = 5  # of k-means: the cells need only be about equally full
 BATCH = 20_000  # descriptors assigned to words at once; bounds memory
+BLOCK = 64 * PER_FRAME  # descriptors kept together, 1.6 MB: a query reads what it needs of each
 
 
 class RetrievalIndex(Kept):
-    """Strongest descriptors of many frames, in order of insertion."""
+    """Strongest descriptors of many frames, in order of insertion. `shelve`: where they go, but for the last of them."""
 
-    FIXED = frozenset({"_descriptors", "_rows"})  # see `snapshot`
+    FIXED = frozenset({"_blocks", "_rows", "_shelve"})  # see `snapshot`
 
-    def __init__(self) -> None:
-        self._descriptors: Descriptors = np.empty((0, 0), np.uint8)  # the first frame determines their kind
+    def __init__(self, shelve: Shelve | None = None) -> None:
+        self._shelve = shelve
+        self._blocks: list[Descriptors | Shelved] = []  # of BLOCK rows each; the first frame determines their kind
         self._count = 0
         self._words: FloatRows = np.empty((1, 0), np.float32)
         self._rows = [array("q")]  # rows of the descriptors in each word, ascending
@@ -43,7 +46,7 @@ class RetrievalIndex(Kept):
     def snapshot(self) -> Snapshot:
         """Stored descriptors are append-only, so their count is enough and nothing large is copied."""
         filed = self._rows, tuple(len(rows) for rows in self._rows)
-        return {**super().snapshot(), "_descriptors": self._descriptors, "_rows": filed}
+        return {**super().snapshot(), "_blocks": self._blocks.copy(), "_rows": filed}
 
     def restore(self, before: Snapshot) -> None:
         """Words that have grown are copied, not truncated in place: that raises while anything still holds a view of them."""
@@ -77,16 +80,31 @@ class RetrievalIndex(Kept):
         """Append a frame's descriptors; returns the row of the first."""
         strongest = features.descriptors[:PER_FRAME]
         fill = np.resize(np.arange(max(len(strongest), 1)), PER_FRAME)
-        if not self._count:
-            self._descriptors = np.empty((64 * PER_FRAME, strongest.shape[1]), strongest.dtype)
-            if not self._words.size:
-                self._words = np.zeros((1, strongest.shape[1]), np.float32)
+        if not self._count and not self._words.size:
+            self._words = np.zeros((1, strongest.shape[1]), np.float32)
         start = self._count * PER_FRAME
-        if start == len(self._descriptors):
-            self._descriptors = np.concatenate([self._descriptors, np.empty_like(self._descriptors)])
-        self._descriptors[start : start + PER_FRAME] = strongest[fill] if len(strongest) else 0
+        at = start % BLOCK
+        if at == 0:
+            self._begin_block(strongest)
+        last = self._blocks[-1]
+        assert isinstance(last, np.ndarray), "only full blocks are shelved"
+        last[at : at + PER_FRAME] = strongest[fill] if len(strongest) else 0
         self._count += 1
         return start
+
+    def _begin_block(self, alike: Descriptors) -> None:
+        """Room for more descriptors like these (n, d). What is full changes no more."""
+        last = self._blocks[-1] if self._blocks else None
+        if self._shelve is not None and isinstance(last, np.ndarray):
+            self._blocks[-1] = self._shelve(last)
+        self._blocks.append(np.empty((BLOCK, alike.shape[1]), alike.dtype))
+
+    def _stored(self, rows: Indices) -> Descriptors:
+        """Descriptors (n, d) of these rows, ascending."""
+        ends = np.searchsorted(rows, np.arange(len(self._blocks) + 1) * BLOCK)
+        parts = zip(self._blocks, ends[:-1], ends[1:], strict=True)
+        chosen = [at_hand(block)[rows[begin:end] % BLOCK] for block, begin, end in parts if begin < end]
+        return np.concatenate(chosen)
 
     def likeliest(self, features: Features, among: Indices, count: int) -> list[int]:
         """The frames of `among` (m,) most similar to this one, best first, at most `count`."""
@@ -109,22 +127,29 @@ class RetrievalIndex(Kept):
         to_words = query @ self._words.T
         nearest = nearest_words(to_words, self._words, PROBES)
         nearness = np.repeat(np.take_along_axis(to_words, nearest[:, :1], axis=1), len(among), axis=1)
-        for word in np.unique(nearest):
-            rows = np.array(self._rows[word])  # a copy: an array that is being viewed cannot grow
-            rows = rows[column[rows // PER_FRAME] >= 0]
-            if not len(rows):
-                continue
+        rows_of = {word: self._rows_among(word, column) for word in np.unique(nearest).tolist()}
+        rows_of = {word: rows for word, rows in rows_of.items() if len(rows)}
+        if not rows_of:
+            return nearness
+        wanted = np.sort(np.concatenate(list(rows_of.values())))  # each is in one word
+        stored = self._stored(wanted)
+        for word, rows in rows_of.items():
             asking = np.flatnonzero((nearest == word).any(axis=1))
             frames, first = np.unique(rows // PER_FRAME, return_index=True)
-            likeness = query[asking] @ self._descriptors[rows].astype(np.float32).T
+            likeness = query[asking] @ stored[np.searchsorted(wanted, rows)].astype(np.float32).T
             place = np.ix_(asking, column[frames])
             nearness[place] = np.maximum(nearness[place], np.maximum.reduceat(likeness, first, axis=1))
         return nearness
 
+    def _rows_among(self, word: int, column: Indices) -> Indices:
+        """The rows in a word of those frames that have a column, ascending."""
+        rows = np.array(self._rows[word])  # a copy: an array that is being viewed cannot grow
+        return np.asarray(rows[column[rows // PER_FRAME] >= 0])
+
     def _learn(self) -> None:
         """Learn a vocabulary from everything stored and refile it."""
         seen = self._count * PER_FRAME
-        words = learnt_words(self._descriptors[np.linspace(0, seen - 1, WORDS * SAMPLE).astype(int)])
+        words = learnt_words(self._stored(np.linspace(0, seen - 1, WORDS * SAMPLE).astype(int)))
         self._words, self._rows = words, [array("q") for _ in words]
         self._file_in_batches(seen)
 
@@ -134,7 +159,7 @@ class RetrievalIndex(Kept):
 
     def _file(self, start: int, stop: int) -> None:
         """Assign descriptors to words."""
-        stored = self._descriptors[start:stop].astype(np.float32)
+        stored = self._stored(np.arange(start, stop)).astype(np.float32)
         for row, word in enumerate(nearest_words(stored @ self._words.T, self._words, 1)[:, 0], start):
             self._rows[word].append(row)
 

@@ -145,7 +145,7 @@ class ViewGraph(Kept):
         # Around accepted frames: number of cells that should have been confirmed, and that were.
         self.cells_expected, self.cells_confirmed = FIRST_CELLS, FIRST_CELLS * FIRST_SHARE
         self.waiting = WaitingFrames()
-        self.retrieval = RetrievalIndex()
+        self.retrieval = RetrievalIndex(shelve)
         self.last_placed = 0  # where the search for the next frame begins
         self.placed_before: int | None = None  # if the last frame was placed after this one, without a turn in between
         self.order = -1  # of the last frame examined, in capture order

@@ -1,5 +1,8 @@
 """Frames that show the same ground come first, wherever they lie in the flight."""
 
+from contextlib import closing
+from pathlib import Path
+
 import numpy as np
 import pytest
 from stitch_ground import SMALL_CAMERA, Image, photograph
@@ -8,6 +11,8 @@ from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features import retrieval
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
 from gcs_mosaic.stitch.features.retrieval import RetrievalIndex
+from gcs_mosaic.stitch.transaction import attempt
+from gcs_mosaic.store.array_shelf import ArrayShelf, ShelvedArray
 from tests.tiers import thorough
 
 
@@ -50,6 +55,29 @@ def test_a_query_compares_itself_with_a_small_part_of_what_is_stored(
     assert retrieval.PROBES * (shares**2).sum() < 0.05  # of what is stored, as an average descriptor asks
 
 
+def test_an_index_on_a_shelf_finds_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Of two frames a block, and with one of five blocks in memory."""
+    monkeypatch.setattr(retrieval, "BLOCK", 2 * retrieval.PER_FRAME)
+    monkeypatch.setattr(retrieval, "LEARN_AT", (4, 8))
+    monkeypatch.setattr(retrieval, "WORDS", 8)
+    rng = np.random.default_rng(2)
+    frames = [
+        Features(np.zeros((250, 2), np.float32), rng.integers(0, 255, (250, 16), np.uint8), 4, 3, 1.0)
+        for _ in range(10)
+    ]
+    with closing(ArrayShelf(2 * retrieval.PER_FRAME * 16, tmp_path)) as shelf:
+        alone, shelved = RetrievalIndex(), RetrievalIndex(shelf.shelve)
+        for features in frames:
+            alone.add(features)
+            shelved.add(features)
+            with attempt(shelved):  # over the border of a block and back, each second time
+                shelved.add(frames[0])
+        assert sum(isinstance(block, ShelvedArray) for block in shelved._blocks) == 4
+        for features in frames:
+            found = shelved.likeliest(features, np.arange(10), 3)
+            assert found == alone.likeliest(features, np.arange(10), 3)
+
+
 @pytest.mark.parametrize("count", [3, 8, 11])
 def test_a_saved_index_comes_back_as_it_was(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """Before its vocabulary is learnt, just when it is, and afterwards."""
@@ -65,8 +93,8 @@ def test_a_saved_index_comes_back_as_it_was(monkeypatch: pytest.MonkeyPatch, cou
         one.add(features)
     other.load(one.saved())
     other.fill(frames)
-    stored = slice(count * retrieval.PER_FRAME)
-    assert np.array_equal(one._descriptors[stored], other._descriptors[stored])
+    stored = np.arange(count * retrieval.PER_FRAME)
+    assert np.array_equal(one._stored(stored), other._stored(stored))
     assert np.array_equal(one._words, other._words)
     assert one._rows == other._rows
     assert one._count == other._count == count
