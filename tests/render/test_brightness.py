@@ -18,7 +18,7 @@ from gcs_mosaic.stitch.arrays import Levels
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
 from gcs_mosaic.store.array_shelf import ArrayShelf
-from gcs_mosaic.store.checkpoint import encoded
+from gcs_mosaic.store.checkpoint import decoded, encoded
 
 LENS = Camera(96, 72, focal=1.2)
 FALLS = {
