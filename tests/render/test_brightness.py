@@ -51,8 +51,11 @@ def test_thumbnails_on_a_shelf_tell_the_same_and_come_whole_into_a_checkpoint(tm
             settled: list[RenderItem] = []
             for frame, small, aircraft in frames:
                 settled.append(brightness.settled(frame, small, settled, aircraft))
-            told.append((settled, brightness.final({one.name: one for one in settled}), encoded(brightness.saved())))
+            told.append((settled, brightness.final({one.name: one for one in settled})))
+        saved = decoded(encoded(brightness.saved()))["_thumbnails"]
     assert told[0] == told[1]
+    for frame, small, _ in frames:
+        assert np.array_equal(saved[frame.name].picture, small)
 
 
 def flown_by_two() -> list[tuple[RenderItem, Levels, int]]:
