@@ -21,7 +21,7 @@ from gcs_mosaic.frames.jpeg_mend import continued, has_its_end, mended, rows_mis
 from gcs_mosaic.frames.numbers import MOST_THERMAL, NumberScale, counts_of, scale_of
 from gcs_mosaic.frames.png import mended_png
 from gcs_mosaic.frames.structure import StructureError, Whole, image_start
-from gcs_mosaic.frames.tiff import as_stored, continued_tiff, first_page, unwritten
+from gcs_mosaic.frames.tiff import as_stored, continued_tiff, first_page, refuse_unread, unwritten
 from gcs_mosaic.messages import Frame, content_hash
 from gcs_mosaic.stitch.arrays import Bands
 
@@ -184,7 +184,11 @@ def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:
 
 def _stored(data: bytes, whole: Whole, reduction: int) -> NDArray[Any] | None:
     """Numbers (h, w, bands) of any kind. Raises StructureError."""
-    return decode_bands(data) if needs_bands(data) else _by_opencv(data, whole, reduction)
+    if needs_bands(data):
+        return decode_bands(data)
+    if data.startswith(_TIFF):
+        refuse_unread(first_page(data))
+    return _by_opencv(data, whole, reduction)
 
 
 def _by_opencv(data: bytes, whole: Whole, reduction: int) -> NDArray[Any] | None:

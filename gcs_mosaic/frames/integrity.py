@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from gcs_mosaic.frames.jpeg import jpeg_header
 from gcs_mosaic.frames.png import png_header
-from gcs_mosaic.frames.structure import StructureError, Whole, image_start
+from gcs_mosaic.frames.structure import StructureError, Whole, image_start, other_kind
 from gcs_mosaic.frames.tiff import tiff_header
 
 MAX_PIXELS = 400_000_000  # larger ones are decompression bombs or finished maps, and exhaust a laptop's memory
@@ -32,7 +32,7 @@ def is_whole(data: bytes, max_pixels: int = MAX_PIXELS) -> Whole | NotWhole:
     """Whole, with a `doubt` perhaps, if `data` is a JPEG, PNG or TIFF of at most `max_pixels`; nothing is decoded."""
     begin = image_start(data)
     if begin is None:
-        return NotWhole("not an image (JPEG, PNG or TIFF)" if data.count(0) < len(data) else "empty so far")
+        return NotWhole(_no_image(data) if data.count(0) < len(data) else "empty so far")
     try:
         whole = _HEADERS[begin[0]](data)
     except StructureError as truncated:
@@ -47,6 +47,11 @@ def is_whole(data: bytes, max_pixels: int = MAX_PIXELS) -> Whole | NotWhole:
         limit = f"more than {max_pixels / 1e6:g} million in colour, or than {MOST_BANDS} bands"
         return NotWhole(f"{size} of {whole.bands} bands and {whole.bits} bits: {limit}")
     return whole
+
+
+def _no_image(data: bytes) -> str:
+    kind = other_kind(data)
+    return f"not an image (JPEG, PNG or TIFF) but {kind}" if kind else "not an image (JPEG, PNG or TIFF)"
 
 
 def image_size(data: bytes) -> tuple[int, int] | None:

@@ -17,6 +17,10 @@ _PIECES = ((273, 279), (324, 325))  # (offsets, byte counts) of strips, of tiles
 _COLOURS = {320, 347, 529, 530, 532}  # palette, JPEG's tables, YCbCr: what pixels depend on besides
 _WANTED = {*_NUMBERS, *_PIECES[0], *_PIECES[1]}
 _PALETTE, _ALPHA, _UNCOMPRESSED = 3, (1, 2), 1
+# Those that every build of OpenCV reads, and names of others: a JPEG 2000 may come back black, as if all were well.
+_READ = frozenset({_UNCOMPRESSED, 2, 3, 4, 5, 6, 7, 8, 32773, 32946})
+_NAMES = {33003: "JPEG 2000", 33005: "JPEG 2000", 34712: "JPEG 2000", 34887: "LERC", 34892: "lossy JPEG as in DNG"}
+_NAMES |= {34925: "LZMA", 50000: "Zstandard", 50001: "WebP", 50002: "JPEG XL", 52546: "JPEG XL"}
 _NOISE = bytes(range(1, 256))
 _LETTERS = {1: "B", 3: "H", 4: "I", 16: "Q"}  # field types: byte, short, long, long8
 _WIDTHS = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
@@ -72,6 +76,15 @@ def tiff_header(data: bytes) -> Whole:
 def first_page(data: bytes) -> TiffPage:
     """Storage of the first page; raises StructureError if its directory is not completely in the file."""
     return _first(_pages(data))[0]
+
+
+def refuse_unread(page: TiffPage) -> None:
+    """Raises StructureError if the page's compression is one that no decoder here reads."""
+    if page.compression not in _READ:
+        name = _NAMES.get(page.compression, f"number {page.compression}")
+        raise StructureError(
+            f"a TIFF compressed by {name} is not read, save it without compression, or as Deflate or LZW"
+        )
 
 
 def unwritten(data: bytes, page: TiffPage) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.arrays import Bands, Vector
+from gcs_mosaic.stitch.camera.bands import counts_of_ground
 
 SAMPLE = 200_000  # maximum number of pixels of a frame that are sampled
 DARK, BRIGHT = 0.005, 0.995  # quantiles; beyond them are dead pixels, glints and fires
@@ -41,8 +42,8 @@ def sample_of(image: Bands) -> Bands:
 
 
 def sketch_of(image: Bands) -> Sketch:
-    """The quantiles of an image (h, w, bands)."""
-    found = np.quantile(sample_of(image), np.linspace(DARK, BRIGHT, SHARES), axis=(0, 1))
+    """The quantiles of what an image (h, w, bands) shows of the ground."""
+    found = np.quantile(counts_of_ground(sample_of(image)), np.linspace(DARK, BRIGHT, SHARES), axis=0)
     return tuple(tuple(band) for band in found.T.tolist())
 
 

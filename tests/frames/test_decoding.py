@@ -417,3 +417,13 @@ def test_what_was_decoded_whole_once_is_not_looked_at_for_missing_rows_again(
 
 def test_bands_beyond_three_come_whole(shared: Decoders) -> None:
     np.testing.assert_array_equal(decoded(shared, many_bands(6)), counts(6))
+
+
+def test_tags_that_libraries_do_not_know_are_nothing_to_tell_the_operator(
+    shared: Decoders, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A line for each frame, each time it is painted."""
+    data = many_bands(1, np.uint8, extratags=[(65000, 2, 5, "made", True)])
+    for _ in range(2):
+        assert isinstance(decoded(shared, data), np.ndarray)
+    assert capfd.readouterr() == ("", "")

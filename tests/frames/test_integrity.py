@@ -128,9 +128,23 @@ def test_more_than_the_memory_for_it_is_refused_by_its_header(kind: dict[str, An
     assert refused.reason.startswith(said)
 
 
-@pytest.mark.parametrize("data", [b"GIF89a", b"%PDF-1.7", b"\0\0\0\x18ftypmp42", b"hello"])
-def test_anything_else_is_not_an_image(data: bytes) -> None:
-    assert is_whole(data) == NotWhole("not an image (JPEG, PNG or TIFF)")
+@pytest.mark.parametrize(
+    ("data", "kind"),
+    [
+        (b"hello", ""),
+        (b"GIF89a", " but GIF"),
+        (b"%PDF-1.7", " but PDF"),
+        (b"\0\0\0\x18ftypmp42", " but an MP4 or MOV video"),
+        (b"\0\0\0\x24ftypheic", " but HEIC"),
+        (b"RIFF\x10\0\0\0WEBPVP8 ", " but WebP"),
+        (b"\0\0\0\x0cjP  \r\n", " but JPEG 2000"),
+        (b"\xff\x0a\xfa\x7f", " but JPEG XL"),
+        (b"\xef\xbb\xbf\r\n<!DOCTYPE html>", " but text, such as a web page or an error message"),
+        (b'{"error": "not found"}', " but text, such as a web page or an error message"),
+    ],
+)
+def test_anything_else_is_not_an_image_but_what_it_is(data: bytes, kind: str) -> None:
+    assert is_whole(data) == NotWhole(f"not an image (JPEG, PNG or TIFF){kind}")
 
 
 def test_an_empty_file_is_only_not_written_yet() -> None:

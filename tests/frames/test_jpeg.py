@@ -145,16 +145,16 @@ def test_while_a_preview_alone_has_come_there_is_no_picture(share: float) -> Non
 
 
 @pytest.mark.parametrize(
-    "data",
+    ("before", "kind"),
     [
-        b"\0\0\0\x18ftypheic" + JPEGS["4:2:0"],
-        b"FUJIFILMCCD-RAW 0201" + JPEGS["4:2:0"],
-        b"%PDF-1.7 " + JPEGS["4:2:0"],
-        bytes(100_000) + JPEGS["4:2:0"],
+        (b"\0\0\0\x18ftypheic", " but HEIC"),
+        (b"FUJIFILMCCD-RAW 0201", " but RAW (Fujifilm)"),
+        (b"%PDF-1.7 ", " but PDF"),
+        (bytes(100_000), ""),
     ],
 )
-def test_a_preview_inside_of_another_kind_of_file_is_no_frame(data: bytes) -> None:
-    assert is_whole(data) == NotWhole("not an image (JPEG, PNG or TIFF)")
+def test_a_preview_inside_of_another_kind_of_file_is_no_frame(before: bytes, kind: str) -> None:
+    assert is_whole(before + JPEGS["4:2:0"]) == NotWhole(f"not an image (JPEG, PNG or TIFF){kind}")
 
 
 @pytest.mark.parametrize(("marker", "said"), [(0xC3, "a lossless JPEG"), (0xC5, "a hierarchical JPEG")])

@@ -101,3 +101,13 @@ def test_zeros_behind_a_compressed_strip_are_padding() -> None:
     np.testing.assert_array_equal(decode_image(padded), counts(1, np.uint8))
     begun = data[: offset + count // 2].ljust(len(data), b"\0")
     assert decode_image(begun) == Unreadable("truncated: the TIFF's data end before the picture does")
+
+
+@pytest.mark.parametrize(("number", "name"), [(34712, "JPEG 2000"), (50000, "Zstandard"), (12345, "number 12345")])
+def test_a_compression_that_no_decoder_reads_is_named(number: int, name: str) -> None:
+    """JPEG 2000 came back as a black picture."""
+    plain = of_tags()
+    data = plain.replace(struct.pack("<HHIHH", 259, 3, 1, 1, 0), struct.pack("<HHIHH", 259, 3, 1, number, 0))
+    assert data != plain
+    reason = f"a TIFF compressed by {name} is not read, save it without compression, or as Deflate or LZW"
+    assert decode_image(data) == Unreadable(reason)

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import cv2
 import numpy as np
 
 from gcs_mosaic.frames.decode import Unreadable, bytes_of, counts_instead, decode_whole
@@ -39,6 +40,9 @@ class Decoders:
     def __init__(
         self, settings: DecodeSettings | None = None, max_pixels: int = MAX_PIXELS, processes: int = PROCESSES
     ) -> None:
+        # Of each tag that libtiff does not know, as of cameras and GDAL, OpenCV would write a line to the operator's terminal.
+        # The worker processes go on to say it: what libraries complain of is looked at there.
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
         self._settings, self._max_pixels = settings or DecodeSettings(), max_pixels
         self._memory_bytes = machine_memory()
         self._largest = 0

@@ -270,11 +270,18 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
             problem = _stepped(state.problem, state.normal.layout, step)
             lenses = _lenses_after(state.problem, state.normal.layout, step)
             stopped |= (problem.lenses != lenses).any(axis=1)
-            candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
+            leaps = abs(problem.poses - state.problem.poses)[:, LOG_GSD] > MOST_ZOOM
+            candidate = state if leaps.any() else _evaluate(problem, settings, state.discounts, state.normal.layout)
             if candidate.cost < state.cost:
                 return replace(candidate, steps=state.steps + 1, stopped_lenses=stopped), max(damping / 5, 1e-9)
         damping *= 8
     return replace(state, stopped_lenses=stopped), damping
+
+
+LOG_GSD = 2  # place in a pose
+# Of a frame's scale in one step, as log. What a frame does not see any more costs no more than matches 100 px off, so one whose
+# matches contradict each other by more would be thrown out of sight. Steps of four real flights change it by 0.07 at most.
+MOST_ZOOM = 1.0
 
 
 def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:

@@ -190,3 +190,24 @@ def test_matches_much_worse_than_expected_are_not_believed_about_the_lens() -> N
         problem = replace(matches(truth, noise_px=16.0), poses=rough(truth))
         off.append(adjust(problem, settings).lenses[0, 0] - np.log(settings.focal_prior))
     assert np.sqrt(np.mean(np.square(off))) < 0.5 * settings.focal_prior_log_sigma
+
+
+def test_a_frame_whose_matches_contradict_each_other_is_not_thrown_out_of_sight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where nothing is seen wrong matches cost less; a scale of nought was the end of the flight."""
+    poses, settings = flight(1, 3), AdjustmentSettings()
+    problem = replace(matches(poses, noise_px=1.0), poses=poses)
+    of_first = (problem.pairs == 0).any(axis=1)
+    wrong = problem.pixels_a.copy()
+    wrong[of_first] = RNG.uniform(-50.0, 50.0, wrong[of_first].shape)
+    state = adjustment._first_state(replace(problem, pixels_a=wrong), settings)
+    leap = np.zeros_like(state.gradient)
+    leap[state.normal.layout.frames[0], adjustment.LOG_GSD] = -800.0
+    gone = adjustment._stepped(state.problem, state.normal.layout, leap)
+    assert adjustment._evaluate(gone, settings, state.discounts, state.normal.layout).cost < state.cost
+    monkeypatch.setattr(adjustment, "solve", lambda *_: leap)
+    stays, damping = adjustment._descend(state, settings, 1e-6, map)
+    assert stays.steps == state.steps
+    assert (stays.problem.poses == state.problem.poses).all()
+    assert damping > 1e-6
