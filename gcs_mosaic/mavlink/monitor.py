@@ -131,7 +131,8 @@ class Listener:
             yield self._notice("warning", f"{what}{but}")
         waited = now - self._first_vehicle if self._first_vehicle is not None else 0.0
         is_late = waited > self._settings.ground_station_after_s
-        if self._ground_station == "unknown" and is_late and not self._is_forwarded_to_us():
+        may_forward = self._address.kind != "file" and not self._is_forwarded_to_us()
+        if self._ground_station == "unknown" and is_late and may_forward:
             self._ground_station = "missing"
             # A ground station that forwards keeps its own heartbeats to itself; on its default port we block it.
             level: Literal["info", "warning"] = "warning" if self._address.port == GROUND_STATION_PORT else "info"
@@ -218,7 +219,9 @@ class Listener:
         if len(self._others_said) > MOST_NAMED:
             yield self._notice("warning", f"more than {MOST_NAMED} other systems trigger a camera and are left out")
             return
-        yield self._notice("warning", _left_out_text(system, followed, self._choice.why, counted))
+        recorded = self._address.kind == "file"  # whose aircraft cannot be changed meanwhile
+        text = _left_out_text(system, followed, self._choice.why, counted, recorded=recorded)
+        yield self._notice("warning", text)
 
     def _others(self) -> tuple[tuple[int, int], ...]:
         """The busiest of the other aircraft, with the number of triggers left out; while none is followed, none is left out."""
@@ -289,12 +292,15 @@ class Listener:
         return Notice(source=self._name, level=level, text=text)
 
 
-def _left_out_text(system: int, followed: int | None, why: str, counted: tuple[int, ...]) -> str:
+def _left_out_text(
+    system: int, followed: int | None, why: str, counted: tuple[int, ...], *, recorded: bool = False
+) -> str:
     left_out = f"system {system} triggers a camera too and is left out, because"
     if counted:
         named = ", ".join(map(str, counted))
         return f"{left_out} this flight is of systems {named}: start with --vehicle {system} too to count it"
-    return f"{left_out} system {followed} is followed ({why}): gcs-mosaic vehicle {system} follows it instead"
+    instead = f"start with --vehicle {system} to follow" if recorded else f"gcs-mosaic vehicle {system} follows"
+    return f"{left_out} system {followed} is followed ({why}): {instead} it instead"
 
 
 def _is_of_autopilot(message: MavMessage) -> bool:

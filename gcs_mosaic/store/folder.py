@@ -38,6 +38,7 @@ WRITTEN_NAMES = (*OUR_NAMES, *BESIDE_OURS, ARTEFACTS, LOCK_NAME)
 BEFORE_A_FLIGHT = (LEDGER_NAME, LOG_NAME, RECORDING_NAME, TOKEN_NAME, NOTES_NAME, HINTS_NAME, PROGRESS_NAME)
 FIRST_ROWS = ("flight", "frames", "events")  # tables of which a flight that has begun has rows
 LONGEST_LINE = 1000  # bytes
+LONGEST_PATH = 480  # bytes: SQLite takes 512 with its file's name, the ending of its journal, and a flight's number
 MOST_FLIGHTS = 1000  # numbered folders; more suggests a runaway script
 
 
@@ -71,6 +72,7 @@ def open_flight_folder(out: Path) -> FlightFolder:
 
     Raises UsageError if no such folder can be made or written.
     """
+    refuse_unusable(out)
     taken: str | None = None
     for path in candidates(out):
         existed = path.exists()
@@ -80,6 +82,22 @@ def open_flight_folder(out: Path) -> FlightFolder:
             return FlightFolder(path=path, said=said, lock=lock, existed=existed)
         taken = taken or obstacle
     raise UsageError(f"{out} and {MOST_FLIGHTS} folders beside it hold flights already: choose another --out")
+
+
+def refuse_unusable(out: Path) -> None:
+    """Raises UsageError for a path that no ledger can have, and for one that is no folder."""
+    try:
+        size = len(str(out.absolute()).encode())
+        is_something_else = not out.is_dir() and (out.is_symlink() or out.exists())
+    except UnicodeEncodeError as error:
+        raise UsageError(f"the name of --out {str(out)!r} is not UTF-8: choose another --out") from error
+    except OSError as error:
+        raise UsageError(f"{out} cannot be written ({error.strerror}): choose another --out") from error
+    if size > LONGEST_PATH:
+        text = f"the path of --out is {size} bytes long, and the ledger in it can have {LONGEST_PATH}"
+        raise UsageError(f"{text}: choose a shorter --out")
+    if is_something_else:
+        raise UsageError(f"{out} is not a folder: choose another --out")
 
 
 def resume_flight_folder(out: Path) -> FlightFolder:
@@ -172,7 +190,11 @@ def refuse_strange_parts(flight: Path) -> None:
 
 def refuse_watching_ourselves(watched: Path, out: Path) -> None:
     """Raises UsageError if images we write would appear in the watched folder and become frames."""
-    if (watched / LEDGER_NAME).exists():
+    try:
+        is_flight = (watched / LEDGER_NAME).exists()
+    except OSError as error:
+        raise UsageError(f"{watched} cannot be watched ({error.strerror}): give another folder") from error
+    if is_flight:
         raise UsageError(
             f"{watched} holds a flight that gcs-mosaic has written: watch the folder that the camera fills"
         )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+MOST_NAMED = 3  # shifts that are named each; of more the first and the last
+
 
 @dataclass(frozen=True, slots=True)
 class Doubts:
@@ -30,11 +32,17 @@ class Doubts:
         what = f"Which trigger belongs to which picture is ambiguous for {pictures} of {self.of}: "
         if not self.shifts:
             return f"{what}some were lost, and neither names nor times tell which"
-        later = " or ".join(
-            f"{abs(one)} shot{'s' * (abs(one) > 1)} {'later' if one > 0 else 'earlier'}" for one in self.shifts
-        )
-        words = " or ".join(f"--shift {one}" for one in self.shifts)
-        return f"{what}each may as well belong {later}; gcs-mosaic pair {flight} {words} chooses that, once the flight has ended"
+        if len(self.shifts) > MOST_NAMED:
+            first, last = _later(min(self.shifts)), _later(max(self.shifts))
+            which, words = f"to another shot, from {first} to {last}", "--shift N"
+        else:
+            which = " or ".join(map(_later, self.shifts))
+            words = " or ".join(f"--shift {one}" for one in self.shifts)
+        return f"{what}each may as well belong {which}; gcs-mosaic pair {flight} {words} chooses that, once the flight has ended"
+
+
+def _later(shots: int) -> str:
+    return f"{abs(shots)} shot{'s' * (abs(shots) > 1)} {'later' if shots > 0 else 'earlier'}"
 
 
 NONE = Doubts()

@@ -38,7 +38,14 @@ def test_other_aircraft_are_left_out_and_silence_is_said(tmp_path: Path) -> None
     assert [event.vehicle for event in link.events] == [1]
     said = [(seconds, item.text) for seconds, item in link.heard if isinstance(item, Notice)]
     assert [text for seconds, text in said if seconds == 60 and "is silent" in text]
-    assert [text for _, text in said if "system 9 triggers a camera too" in text]
+    (left_out,) = [text for _, text in said if "system 9 triggers a camera too" in text]
+    assert "start with --vehicle 9 to follow it instead" in left_out  # nobody can choose while it is read
+
+
+def test_of_a_recording_no_ground_station_is_asked_for(tmp_path: Path) -> None:
+    beats = [TIME.pack(int((BEGAN + second) * 1e6)) + packet(heartbeat()) for second in range(60)]
+    link = read(tmp_path / "a.tlog", *beats)
+    assert not [item for _, item in link.heard if isinstance(item, Notice) and "ground station" in item.text]
 
 
 def test_a_torn_packet_at_the_end_hides_nothing(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.folder import (
     LEDGER_NAME,
+    LONGEST_PATH,
     find_flight,
     occupied,
     open_flight_folder,
@@ -86,8 +88,42 @@ def test_two_programs_never_write_one_folder(tmp_path: Path) -> None:
 
 def test_file_in_the_way_is_a_clear_error(tmp_path: Path) -> None:
     (tmp_path / "mosaic").write_text("a file")
-    with pytest.raises(UsageError, match=r"mosaic cannot be written \(File exists\): choose another --out"):
+    with pytest.raises(UsageError, match="mosaic is not a folder: choose another --out"):
         open_flight_folder(tmp_path / "mosaic")
+
+
+@pytest.mark.parametrize("length", [LONGEST_PATH - 1, LONGEST_PATH])
+def test_the_longest_path_can_have_a_ledger(tmp_path: Path, length: int) -> None:
+    out = tmp_path
+    while (left := length - len(str(out))) > 200:
+        out /= "c" * 100
+    out /= "d" * (left - 1)
+    assert len(str(out)) == length
+    folder = open_flight_folder(out)
+    with closing(connect(folder.path / LEDGER_NAME)) as opened:
+        opened.execute("CREATE TABLE one (number)")
+    folder.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("x" * 300, "too long"),
+        ("/".join(["y" * 200] * 4), "choose a shorter --out"),
+        ("m\udce4p", "is not UTF-8"),
+        ("link", "is not a folder"),
+    ],
+)
+def test_a_path_that_no_flight_can_have_is_a_clear_error(tmp_path: Path, name: str, said: str) -> None:
+    (tmp_path / "link").symlink_to("nowhere")
+    with pytest.raises(UsageError, match=said):
+        open_flight_folder(tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == ["link"]
+
+
+def test_a_watched_folder_whose_name_cannot_be_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be watched"):
+        refuse_watching_ourselves(tmp_path / ("x" * 300), tmp_path / "out")
 
 
 def test_find_flight_wants_a_flight(tmp_path: Path) -> None:

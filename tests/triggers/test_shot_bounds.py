@@ -333,6 +333,8 @@ def test_a_position_that_is_far_off_does_no_harm() -> None:
         ),
         (Doubts((-2, 1), 1, 4), "1 picture of 4: each may as well belong 2 shots earlier or 1 shot later; "),
         (Doubts((-2, 1), 1, 4), "gcs-mosaic pair DIR --shift -2 or --shift 1 chooses that"),
+        (Doubts((-2, -1, 1, 2, 3), 4, 4), "belong to another shot, from 2 shots earlier to 3 shots later; "),
+        (Doubts((-2, -1, 1, 2, 3), 4, 4), "gcs-mosaic pair DIR --shift N chooses that"),
         (Doubts((), 2, 4), "some were lost, and neither names nor times tell which"),
         (Doubts((), 2, 4, is_part=True), "Which triggers 2 pictures belong to is ambiguous, and they have none"),
     ],

@@ -59,6 +59,7 @@ AS_THEY_ARE = {"", "✕", "▲", "N", "◀", "▶", "?", "gcs-mosaic", "44.51234
 DOUBTS: list[tuple[tuple[int, ...], int, bool]] = [
     ((-2, 1), 12, False),
     ((1,), 1, False),
+    ((-2, -1, 1, 2), 3, False),
     ((), 3, False),
     ((), 3, True),
 ]
@@ -163,7 +164,7 @@ def notices_of_the_server() -> list[str]:
         found_again.frame(state)
         found_again.so_now(FLYING)
     told = [one.text for one in found_again.fresh()]
-    told += [_left_out_text(7, 1, "the first to trigger a camera", ())]
+    told += [_left_out_text(7, 1, "the first to trigger a camera", (), recorded=recorded) for recorded in (False, True)]
     told += ["ending: working off 3 frames, then painting the final map, at most 60 s (again Ctrl-C: at once)"]
     return told + [shots_later(shift) for shift in (-2, -1, 1, 2)]
 

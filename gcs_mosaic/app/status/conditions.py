@@ -18,6 +18,7 @@ from gcs_mosaic.app.status.link_conditions import (
     of_links,
     of_silent_aircraft,
 )
+from gcs_mosaic.frames.rtsp.address import AUTO
 from gcs_mosaic.messages import LinkReport, Notice, SourceReport
 from gcs_mosaic.store.held_out import Figures, torn_lines
 from gcs_mosaic.store.records import Accounts, FrameState
@@ -43,6 +44,17 @@ SOURCE_AWAY = {
     "silent": "The stream {name} is silent: see that the camera is on and in reach",
     "lost": "The stream {name} is lost: it is opened again as soon as it can be",
 }
+SEE_TO_STREAM = (
+    "see that the camera is on and in reach, and that address and password are right; it is tried until it comes"
+)
+NONE_ANNOUNCED = "The aircraft tells of no stream (rtsp: auto): give its address, --rtsp rtsp://HOST:554/NAME"
+UNASKED = (
+    "The stream {name} {come}, but not one camera trigger: nothing of it {was} mapped. See that the autopilot announces its "
+    "pictures, or start with --every overlap, which needs no triggers"
+)
+NO_PICTURE_OF_STREAM = (
+    "{shots} no picture: the stream brought none of that time; if the camera's card has it, gcs-mosaic stitch maps it"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +148,7 @@ class Conditions:
         yield from of_links(facts.links, facts.utc, facts.started_utc, refused, stays=_without_triggers(facts))
         yield from of_silent_aircraft(facts.links)
         yield from _of_the_source(facts)
+        yield from _of_streams(facts)
         yield from of_folders([one for one in (facts.source, *facts.sources) if one], announced=_announced(facts))
         yield from _of_shots(facts)
         if self.pairing is not None:
@@ -174,6 +187,23 @@ def _of_the_map_for_good(facts: Facts) -> Iterator[SoNow]:
             yield SoNow(key, "warning", text, stays=text)
     for text in torn_lines(facts.held_out):
         yield SoNow(f"torn {text.partition(' is torn')[0]}", "warning", text, said=False, stays=text)
+
+
+def _of_streams(facts: Facts) -> Iterator[SoNow]:
+    """Streams of which nothing is mapped: none has come yet, or nobody asks for pictures."""
+    for source in (facts.source, *facts.sources):
+        if source is None or source.kind != "stream" or source.taken:
+            continue
+        whose = "" if source.vehicle is None else f" of aircraft {source.vehicle}"
+        if source.state == "connecting":
+            text = (
+                NONE_ANNOUNCED if source.name == AUTO else f"No stream has come from {source.name} yet: {SEE_TO_STREAM}"
+            )
+            yield SoNow(f"source{whose}", "warning", text, said=False, held_s=HELD_S)
+        elif source.seen and not _announced(facts):
+            stays = UNASKED.format(name=source.name, come="came", was="was")
+            now = UNASKED.format(name=source.name, come="comes", was="is")
+            yield SoNow(f"unasked{whose}", "warning", now, held_s=HELD_S, stays=stays)
 
 
 def _over(key: str) -> str | None:
@@ -241,6 +271,10 @@ def _of_shots(facts: Facts) -> Iterator[SoNow]:
         yield SoNow("orphans", "info", text, said=False, held_s=HELD_S, stays=text)
     if events.missing:
         shots = "1 shot has" if events.missing == 1 else f"{events.missing} shots have"
+        if {one.kind for one in (facts.source, *facts.sources) if one} == {"stream"}:
+            text = NO_PICTURE_OF_STREAM.format(shots=shots)
+            yield SoNow("missing", "warning", text, said=False, stays=text)
+            return
         what = f"{shots} no picture: see whether it is on the camera's card; copied into the watched folder, "
         stays = f"{what}gcs-mosaic --resume still takes it"
         yield SoNow("missing", "warning", f"{what}it is still taken", said=False, stays=stays)

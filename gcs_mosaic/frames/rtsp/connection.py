@@ -56,6 +56,8 @@ class Connection:
         self.address = address
         self.paused_s: float | None = None
         """Length in seconds of an unusually long gap before the newest image."""
+        self.longest_pause_s = settings.gap_s
+        """A longer one between two images is unusual."""
         self._container, self._video, self._settings, self._log = container, video, settings, log
         self._packets: Iterator[Packet[VideoStream]] = container.demux(video)
         self._watch, self._converter = DamageWatch(), Converter()
@@ -143,8 +145,9 @@ class Connection:
         """Start a new clock if the image times or their arrivals jump."""
         if self._last is not None:
             step_s, pause_s = picture_s - self._last[0], arrival - self._last[1]
-            usual_s = median(self._intervals) if self._intervals else 0.0
-            longest_s = max(self._settings.gap_s, _PAUSES * usual_s)
+            # Of the first two pictures a slow stream's interval is the same by both clocks, a gap on the way is not.
+            usual_s = median(self._intervals) if self._intervals else min(step_s, pause_s)
+            longest_s = self.longest_pause_s = max(self._settings.gap_s, _PAUSES * usual_s)
             if pause_s > longest_s:
                 self.paused_s = pause_s
             if pause_s > longest_s or step_s <= 0 or step_s > pause_s + longest_s:

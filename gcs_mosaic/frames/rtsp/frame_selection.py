@@ -71,20 +71,22 @@ class Picker:
 
     def _decide(self, ask: Ask, dated: list[tuple[float, StreamPicture]]) -> Pick | Unanswered:
         settings = self._settings
-        near = [
-            (abs(moment - ask.moment), moment, picture)
-            for moment, picture in dated
-            if abs(moment - ask.moment) <= max(settings.farthest_s, settings.window_s) and _is_free(picture, ask)
-        ]
+        farthest_s = max(settings.farthest_s, settings.window_s)
+        free = [(abs(moment - ask.moment), moment, picture) for moment, picture in dated if _is_free(picture, ask)]
+        near = [one for one in free if one[0] <= farthest_s]
         whole = sorted((one for one in near if not one[2].damaged), key=lambda one: one[0])
         if not whole:
-            reason = "only damaged pictures" if near else "no picture of that time has come"
-            return Unanswered(ask, reason)
+            return Unanswered(ask, "only damaged pictures" if near else _none_of_that_time([one[0] for one in free]))
         inside = [one for one in whole if one[0] <= settings.window_s]
         _, moment, picture = _nearest_sharp(inside, settings.sharp_enough) if inside else whole[0]
         picture.taken = True
         picture.is_for_trusted |= ask.is_trusted
         return Pick(ask, picture, moment)
+
+
+def _none_of_that_time(distances_s: Sequence[float]) -> str:
+    text = "no picture of that time has come"
+    return f"{text}, the nearest is {min(distances_s):.1f} s from it (stream: farthest_s)" if distances_s else text
 
 
 def _is_free(picture: StreamPicture, ask: Ask) -> bool:

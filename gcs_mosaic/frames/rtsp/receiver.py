@@ -32,6 +32,7 @@ class Tally:
     state: Literal["connecting", "connected", "lost"] = "connecting"
     since: float = 0.0
     last_arrival: float | None = None
+    longest_pause_s: float = 0.0  # between two images; a longer one is silence
     seen: int = 0
     damaged: int = 0
     gaps: int = 0
@@ -124,6 +125,7 @@ class Receiver:
         after = f" again after {now - tally.since:.1f} s" if tally.state == "lost" else ""
         text = f"is connected{after}: {connection.described}"
         tally.state, tally.since, tally.last_arrival, self._said = "connected", now, now, ""
+        tally.longest_pause_s = connection.longest_pause_s
         brought_nothing, self._seen_before = tally.seen == self._seen_before, tally.seen
         self._untold = text if brought_nothing else None
         if not brought_nothing:
@@ -154,7 +156,7 @@ class Receiver:
                 last = "; further gaps are counted and not told" if self._gaps_said == MOST_GAPS else ""
                 text = f"brought nothing for {connection.paused_s:.1f} s; frames of that time are missing{last}"
                 self._say(connection.address, "warning", text)
-        self.tally.last_arrival = now
+        self.tally.last_arrival, self.tally.longest_pause_s = now, connection.longest_pause_s
 
     def _note_size(self, address: StreamAddress, size: tuple[int, int]) -> None:
         if self._size not in (None, size) and self._sizes_said < MOST_SIZES:

@@ -173,7 +173,7 @@ class Stream:
     def _report(self, now: float) -> Iterator[SourceReport]:
         tally = self._receiver.tally
         last = tally.last_arrival
-        quiet = tally.state == "connected" and last is not None and now - last > self._settings.gap_s
+        quiet = tally.state == "connected" and last is not None and now - last > tally.longest_pause_s
         utc_of_zero = time.time() - now
         report = SourceReport(
             kind="stream",

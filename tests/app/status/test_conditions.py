@@ -60,6 +60,11 @@ def beside(**told: Any) -> Facts:
     return replace(FLYING, source=replace(FOLDER, **told))
 
 
+def streamed(**told: Any) -> Facts:
+    """A flight with such a stream."""
+    return replace(FLYING, source=SourceReport(**{"kind": "stream", "name": "cam", "state": "connected"} | told))
+
+
 def refusing(**counts: int) -> Facts:
     """Pictures come, and of the packets not one was let in."""
     link = LinkReport(address="udp:14550", state="listening", refused=Refusals(**counts))
@@ -94,6 +99,14 @@ NEWS = {
     ),
     "stream silent": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="silent"))),
     "stream lost": ("source", replace(FLYING, source=SourceReport(kind="stream", name="cam", state="lost"))),
+    "stream never came": ("source", streamed(state="connecting")),
+    "stream never announced": ("source", streamed(state="connecting", name="auto")),
+    "stream not asked": ("unasked", replace(streamed(seen=90), accounts=Accounts())),
+    "no picture of the stream": (
+        "missing",
+        replace(streamed(taken=8), accounts=Accounts(events=EventAccount(missing=1))),
+    ),
+    "no pictures": ("missing", replace(streamed(taken=8), accounts=Accounts(events=EventAccount(missing=3)))),
     "one is silent": ("silence of aircraft 2", replace(FLYING, links=(heard((1, 999.0), (2, 985.0)),))),
     "no trigger of one": (
         "triggers of aircraft 2",
@@ -121,6 +134,7 @@ STAY = {
     *("raw", "left", "one left", "left, and a clock", "islands", "orphan", "orphans", "missing", "several"),
     *("refused, not signed", "refused, another key", "refused, old"),
     *("only a ground station", "triggers", "no trigger of one"),
+    *("stream not asked", "no picture of the stream", "no pictures"),
 }
 
 

@@ -54,7 +54,7 @@ def number_in(image: NDArray[np.uint8]) -> int:
 
 @dataclass
 class Film:
-    """Shows the camera a new picture every 0.1 s; `shown` is when each was taken (monotonic)."""
+    """Shows the camera a new picture every 0.1 s, or as its rate is; `shown` is when each was taken (monotonic)."""
 
     camera: StreamingCamera
     shown: dict[int, float] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class Film:
             if taken is not None:
                 self.shown[number] = taken
             # A camera that was held up leaves pictures out, it does not hurry.
-            number, next_s = number + 1, max(next_s, time.monotonic() - 0.02) + PERIOD_S
+            number, next_s = number + 1, max(next_s, time.monotonic() - 0.02) + 1 / self.camera.rate
 
     def picture(self, number: int) -> Image:
         return numbered(ground(self.camera.size), number)

@@ -73,7 +73,9 @@ def test_who_is_trusted_comes_first_and_may_have_what_another_has_taken() -> Non
 
 def test_where_no_picture_is_near_none_is_taken() -> None:
     pictures = [*row(10.0, 11.0), *row(13.0, 14.0)]
-    assert taken(pictures, 12.0) == ["no picture of that time has come"]
+    nearest = ", the nearest is 1.0 s from it (stream: farthest_s)"
+    assert taken(pictures, 12.0) == [f"no picture of that time has come{nearest}"]
+    assert taken([], 12.0) == ["no picture of that time has come"]
     assert taken(pictures, 11.3) == [10.9]
 
 

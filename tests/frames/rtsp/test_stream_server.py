@@ -115,6 +115,16 @@ def test_a_network_that_falls_silent_is_said_and_no_picture_from_before_is_taken
 
 
 @pytest.mark.long
+def test_a_slow_stream_has_no_gaps() -> None:
+    with listening(StreamingCamera(rate=1), StreamSettings(gap_s=0.4)) as flight:
+        flight.wait_until(lambda: flight.report.seen >= 5, "pictures come")
+        assert not flight.has_said("brought nothing for")
+        assert flight.report.gaps == 0
+        states = [item.state for item in flight.items if isinstance(item, SourceReport) and item.seen > 2]
+        assert set(states) == {"connected"}
+
+
+@pytest.mark.long
 def test_no_damaged_picture_is_ever_taken() -> None:
     """Over UDP that loses packets, in H.265, whose decoder does not notice."""
     settings = StreamSettings(transport="udp", every="0.2 s")
