@@ -500,11 +500,11 @@ def test_the_coordinate_under_a_cursor_that_rests_is_told_by_the_anchor_as_it_is
     page.command("Input.dispatchMouseEvent", type="mouseMoved", x=400, y=300)
     for x, y, coordinate in ((0, 0, "44.5, 7.0"), (400, 0, "44.5, 7.003"), (0, 300, "44.4984, 7.0")):
         writer.send("POST", "/pins", {"island": 0, "x": x, "y": y, "coordinate": coordinate, "who": "Ann"})
-    someone.sees("anchors-told", "that fit")
+    someone.sees("anchors-told", "Laid by 3 points")
     page.command("Input.dispatchMouseEvent", type="mouseMoved", x=402, y=300)
     someone.sees("coordinate", "44.")
     right = someone.text("coordinate")
-    writer.send("POST", "/pins", {"island": 0, "x": 400, "y": 300, "coordinate": "44.51, 7.03", "who": "Ann"})
+    writer.send("POST", "/pins", {"island": 0, "x": 400, "y": 300, "coordinate": "44.4980, 7.0035", "who": "Ann"})
     page.wait_for(f"!['', {json.dumps(right)}].includes(document.getElementById('coordinate').innerText)")
     page.evaluate("document.querySelector('#anchors-list li:last-child button').click()")
     someone.sees("coordinate", right)
