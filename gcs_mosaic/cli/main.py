@@ -211,12 +211,14 @@ def looks(given: argparse.Namespace) -> None:
     print(flying_words(flying_wish(given)))
 
 
-def anchor(given: argparse.Namespace) -> None:
-    """Show how the map lies on earth, and change what it is laid by."""
+def anchor(given: argparse.Namespace) -> int:
+    """Show how the map lies on earth, and change what it is laid by; the exit code is 1 if what was given lays nothing."""
     from gcs_mosaic.notes.anchors.anchor_flight import AnchorChange, anchor_flight
 
     change = AnchorChange(points=given.points, deleted=given.delete, positions=given.positions)
-    print(anchor_flight(given.flight, change))
+    told = anchor_flight(given.flight, change)
+    print(told.text)
+    return int(told.is_vain)
 
 
 def pair(given: argparse.Namespace) -> None:

@@ -15,14 +15,15 @@ COLUMNS = ("ABCDEFGH", "JKLMNPQR", "STUVWXYZ")  # MGRS: of 100 km from easting 1
 ROWS = "ABCDEFGHJKLMNPQRSTUV"  # MGRS: of 100 km of northing; begins with F in even zones
 SQUARE_M = 100_000
 WANTED = (
-    'wanted: latitude and longitude ("44.51234, 7.12345" or "44 30 12.3 N, 7 7 24.4 E"), '
-    'UTM ("32T 350123 4930456") or MGRS ("32TLQ 50123 30456")'
+    'wanted: latitude and longitude ("44.51234, 7.12345", "44 30 12.3 N, 7 7 24.4 E"), '
+    'UTM ("32T 350123 4930456"), MGRS ("32TLQ 50123 30456")'
 )
 
 _UTM = re.compile(r"(\d{1,2})\s*([A-Z])\s+(\d{6}(?:\.\d+)?)\s*(?:M?E)?[\s,]+(\d{1,8}(?:\.\d+)?)\s*(?:M?N)?", re.ASCII)
 _MGRS = re.compile(
     r"(\d{1,2})\s*([C-HJ-NP-X])\s*([A-HJ-NP-Z])\s*([A-HJ-NP-V])\s*(\d{0,10}|\d{1,5}\s+\d{1,5})", re.ASCII
 )
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)", re.ASCII)
 _NUMBER = r"(\d+(?:\.\d+)?)"
 _ANGLE = re.compile(
     rf"([NSEW])?\s*([+-]?\d+(?:\.\d+)?)\s*°?(?:\s*{_NUMBER}\s*'?(?!'))?(?:\s*{_NUMBER}\s*(?:\"|'')?)?\s*([NSEW])?",
@@ -49,7 +50,7 @@ class Coordinate:
 
 def read_coordinate(text: str) -> Coordinate:
     """The place that somebody has written. Raises UsageError, which says what came and what is wanted."""
-    told = " ".join(text.translate(_SAME).upper().split())
+    told = _with_points(" ".join(text.translate(_SAME).upper().split()))
     if not told or len(text) > LONGEST:
         raise UsageError(f"A coordinate is to have 1 to {LONGEST} characters; {WANTED}.")
     if (found := _UTM.fullmatch(told)) is not None:
@@ -57,6 +58,12 @@ def read_coordinate(text: str) -> Coordinate:
     if (found := _MGRS.fullmatch(told)) is not None:
         return _of_mgrs(text, *found.groups())
     return _of_angles(text, told)
+
+
+def _with_points(told: str) -> str:
+    """Decimal commas, of which there are two or more, as points; a single one stands between latitude and longitude."""
+    is_european = "." not in told and len(_DECIMAL_COMMA.findall(told)) > 1
+    return _DECIMAL_COMMA.sub(".", told) if is_european else told
 
 
 def decimal_text(longitude_deg: float, latitude_deg: float) -> str:

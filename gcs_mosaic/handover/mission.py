@@ -31,7 +31,10 @@ from gcs_mosaic.views.flight_view import FlightView
 SIDE_OVERLAP = 0.6
 BEYOND = 0.25  # of a footprint: how far a line goes beyond a patch, so that its first and last picture show known ground, too
 MOST_PATCHES = 200  # the largest of an island
-NO_ANCHOR = "{what} has no anchor, and so no longitude to fly to: set two pins or more on the page."
+NO_ANCHOR = (
+    "{what} has no anchor, and so no longitude to fly to: set two pins or more on the page; of pins that are set it says under "
+    "Anchor why they lay nothing."
+)
 MOST_LINES = 500  # of an outline
 TOO_LARGE = f"The area takes more than {MOST_LINES} lines: draw a smaller one, or fly higher."
 MANY_ITEMS = 700  # some autopilots hold no more

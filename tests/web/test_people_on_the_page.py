@@ -490,3 +490,42 @@ def test_what_is_missing_is_marked_where_it_should_be(page: Page, url: str, flig
     assert page.evaluate(f"document.elementFromPoint({box}.x + 15, {box}.y + 15).closest('.absent') !== null")
     someone.press("flight-crosses")
     page.wait_for("document.querySelectorAll('.absent').length === 0")
+
+
+@pytest.mark.long
+def test_the_coordinate_under_a_cursor_that_rests_is_told_by_the_anchor_as_it_is_now(page: Page, url: str) -> None:
+    """It stayed as an anchor told it that was gone, with the error of that."""
+    someone, writer = Person(page, url), Writer(url)
+    someone.press("open-anchors")
+    page.command("Input.dispatchMouseEvent", type="mouseMoved", x=400, y=300)
+    for x, y, coordinate in ((0, 0, "44.5, 7.0"), (400, 0, "44.5, 7.003"), (0, 300, "44.4984, 7.0")):
+        writer.send("POST", "/pins", {"island": 0, "x": x, "y": y, "coordinate": coordinate, "who": "Ann"})
+    someone.sees("anchors-told", "Laid by 3 points")
+    page.command("Input.dispatchMouseEvent", type="mouseMoved", x=402, y=300)
+    someone.sees("coordinate", "44.")
+    right = someone.text("coordinate")
+    writer.send("POST", "/pins", {"island": 0, "x": 400, "y": 300, "coordinate": "44.4980, 7.0035", "who": "Ann"})
+    page.wait_for(f"!['', {json.dumps(right)}].includes(document.getElementById('coordinate').innerText)")
+    page.evaluate("document.querySelector('#anchors-list li:last-child button').click()")
+    someone.sees("coordinate", right)
+    before = right
+    page.evaluate("document.querySelector('.leaflet-control-zoom-in').click()")  # elsewhere than at the cursor
+    page.wait_for(f"!['', {json.dumps(before)}].includes(document.getElementById('coordinate').innerText)")
+    for _ in range(2):
+        page.evaluate("document.querySelector('#anchors-list li:last-child button').click()")
+        page.wait_for("document.getElementById('anchors-said').textContent === ''")
+        time.sleep(0.5)
+    someone.sees("anchors-told", "needs two pins or more, and has 1")
+    assert page.evaluate("document.getElementById('coordinate').textContent") == ""
+
+
+@pytest.mark.long
+def test_what_was_refused_is_not_said_any_more_once_it_is_given_up(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    someone.press("open-anchors")
+    someone.press("anchors-set")
+    someone.click(300, 300)
+    someone.type("anchors-form", coordinate="somewhere")
+    someone.sees("anchors-said", "is no coordinate that is understood")
+    someone.press("anchors-cancel")
+    assert someone.text("anchors-said") == ""

@@ -26,12 +26,16 @@ from gcs_mosaic.app.live.left_behind import (
 from gcs_mosaic.app.status.conditions import Conditions
 from gcs_mosaic.detection.detection_map import SOME_GREY
 from gcs_mosaic.detection.measured_frames import PALETTE, TOO_SMALL
+from gcs_mosaic.errors import UsageError
+from gcs_mosaic.geo.coordinates import read_coordinate
+from gcs_mosaic.geo.pins import Pin, Refused, anchored_by_pins
 from gcs_mosaic.handover.mission import NO_ANCHOR, TOO_LARGE, MissionWish, nothing_to_fly
 from gcs_mosaic.handover.patches import NO_GROUND
 from gcs_mosaic.integral.ground_tiles import FAILED, FROM_AFAR
 from gcs_mosaic.integral.why_not import apart, beyond, nobody_sees, too_few
 from gcs_mosaic.mavlink.monitor import _left_out_text
 from gcs_mosaic.messages import Refusals
+from gcs_mosaic.notes.storage.checked import Unfit, number_of, text_of
 from gcs_mosaic.store.disk import CannotWrite, DiskFull, telling_disk_full
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.guard import PUT_BACK
@@ -142,6 +146,7 @@ def sentences_of_the_server() -> list[str]:
     """What lasts and is told as a condition, the areas of gaps, why shots are not on the map, and why there is no integral."""
     told = [area_words(9.0, 3.0), area_words(0.1, 3.0), NO_PICTURE, NOTHING_YET]
     told += [nobody_sees(0, 1.5, 2.0), too_few(1, ()), too_few(5, ["a.jpg"]), beyond(0.9, -0.4, 0.5), apart(0.4, 1, 7)]
+    told += sentences_about_anchors() + sentences_about_forms()
     told += [NO_ANCHOR.format(what="The map")]
     told += [nothing_to_fly(wish) for wish in (MissionWish(), MissionWish(looks=3), MissionWish(below=0.5))]
     for _, facts in NEWS.values():
@@ -155,6 +160,39 @@ def sentences_of_the_server() -> list[str]:
     for vehicle in (None, None, None, 2, 2, 2):
         lost.frame(FrameState.WAITING, vehicle)
     return told + [one.text for one in lost.so_now(FLYING)]
+
+
+def sentences_about_anchors() -> list[str]:
+    """Why pins lay nothing, and why a text is no coordinate."""
+    here, there, far = (0.0, 0.0, 7.0, 44.5), (400.0, 0.0, 7.003, 44.5), (0.0, 300.0, 44.5, 7.0)
+    near, same, huge = (400.0, 0.0, 7.00001, 44.5), (0.1, 0.0, 7.003, 44.5), (1.1, 0.0, 7.1, 44.5)
+    laid = [
+        anchored_by_pins([Pin(str(at), *place, sigma_m=3.0) for at, place in enumerate(pins)])
+        for pins in ([here], [here, here], [here, far], [here, near, there[:2] + near[2:]], [here, same], [here, huge])
+    ]
+    told = [one.reason for one in laid if isinstance(one, Refused)]
+    for text in (
+        *("", "somewhere", "44.5N 7.1N", "91, 7", "44, 181", "0, 0", "61T 500000 4649776", "32I 500000 4649776"),
+        *("32T 50000 4649776", "32C 500000 4649776", "32TNM 000 49776", "32CNM 00000 49776"),
+    ):
+        with pytest.raises(UsageError) as refused:
+            read_coordinate(text)
+        told.append(str(refused.value))
+    return told
+
+
+def sentences_about_forms() -> list[str]:
+    """Why what somebody has typed into a form is not taken."""
+    told = []
+    for check in (
+        partial(number_of, 0.0, "sigma_m", 0.01, 1000.0),
+        partial(number_of, 0.0, "metres", 0.01, 100_000.0),
+        partial(text_of, " ", "label", 120, needed=True),
+    ):
+        with pytest.raises(Unfit) as refused:
+            check()
+        told.append(str(refused.value))
+    return told
 
 
 def notices_of_the_server() -> list[str]:

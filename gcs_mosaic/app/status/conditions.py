@@ -170,7 +170,8 @@ class Conditions:
             yield SoNow("islands", "warning", text, held_s=HELD_S, stays=f"{text} with gcs-mosaic --resume")
         if facts.behind.seconds >= BEHIND_S:
             frames, seconds = facts.behind.frames, facts.behind.seconds
-            text = f"The map is {frames} frames, {seconds:.0f} s behind the camera: the newest are shown first"
+            so_many = "1 frame" if frames == 1 else f"{frames} frames"
+            text = f"The map is {so_many}, {seconds:.0f} s behind the camera: the newest are shown first"
             yield SoNow("behind", "warning", text, said=False)
 
 

@@ -41,7 +41,15 @@ class AnchorChange:
     positions: bool | None = None
 
 
-def anchor_flight(flight: Path, change: AnchorChange) -> str:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnchorsTold:
+    """How each island lies, in lines. `is_vain`: points were read or positions asked for, and no island has an anchor."""
+
+    text: str
+    is_vain: bool
+
+
+def anchor_flight(flight: Path, change: AnchorChange) -> AnchorsTold:
     """Make a change, and tell how each island lies then. A new point takes the place of the pin of its name at its place: a table
     is corrected and read in again. Raises UsageError, and then nothing was changed; CannotWrite."""
     view = FlightView(find_flight(flight))
@@ -57,7 +65,8 @@ def anchor_flight(flight: Path, change: AnchorChange) -> str:
                 _make(pins, new, [*replaced, *change.deleted], change.positions)
         laid = Anchoring(view, follower).islands(pins.all(), by_positions=pins.by_positions)
     told = [_of_replaced(len(replaced))] if replaced else []
-    return "\n".join([*problems, *told, *_lines(view, laid)])
+    is_vain = bool(new or change.positions) and not any(one.anchor for one in laid.values())
+    return AnchorsTold(text="\n".join([*problems, *told, *_lines(view, laid)]), is_vain=is_vain)
 
 
 def _read(view: FlightView, follower: GroundFollower, path: Path, problems: list[str]) -> list[NewPin]:

@@ -19,7 +19,10 @@ from gcs_mosaic.store.disk import DiskFull, write_beside
 from gcs_mosaic.store.folder import NOTES_NAME, find_flight
 from gcs_mosaic.views.flight_view import FlightView
 
-HOW = "Two pins on the page, or `gcs-mosaic anchor DIR --points FILE`, lay it on earth; then export again."
+HOW = (
+    "Two pins on the page, or `gcs-mosaic anchor DIR --points FILE`, lay it on earth (`gcs-mosaic anchor DIR` says why those "
+    "that are set do not); then export again."
+)
 
 
 def export_finds(

@@ -29,7 +29,7 @@ PIN = BASE + r"/pins/{id:[0-9]{1,9}}"
 OPERATIONS = Operations()
 
 Label = Annotated[str, Limits(longest=LONGEST_LABEL)]
-Text = Annotated[str, Limits(longest=100), "decimal degrees, degrees-minutes-seconds, UTM or MGRS"]
+Text = Annotated[str, Limits(longest=100, lines=True), "decimal degrees, degrees-minutes-seconds, UTM or MGRS"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,7 +252,7 @@ async def create(request: web.Request) -> web.StreamResponse:
         raise Unfit(NO_PLACE)
     new = NewPin(
         label=told.label,
-        written=told.coordinate,
+        written=" ".join(told.coordinate.split()),
         longitude_deg=longitude,
         latitude_deg=latitude,
         sigma_m=max(told.sigma_m, least_m),

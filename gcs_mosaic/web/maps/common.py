@@ -21,7 +21,10 @@ from gcs_mosaic.web.tile_answer import tagged, tile_answer
 FLIGHT = MAPS + r"{flight:[A-Za-z0-9._-]{1,80}}"
 TILE = "{z:[0-9]{1,2}}/{x:[0-9]{1,9}}/{y:[0-9]{1,9}}"
 ISLAND = re.compile("[0-9]{1,6}")
-NO_ANCHOR = "Nothing is shown here yet: no island of the flight has an anchor. Set two pins on the page, under Anchor."
+NO_ANCHOR = (
+    "Nothing is shown here yet: no island of the flight has an anchor. Set two pins on the page, under Anchor; of pins that are "
+    "set it says there why they lay nothing."
+)
 
 PICTURES = Media(("image/png", "image/jpeg", "image/webp"))
 OF_FLIGHT = {"flight": "The flight's name in addresses, as /maps of this API tells it."}

@@ -9,7 +9,7 @@ import { metresIn } from "/viewer/numbers.js";
 import { openPanel } from "/viewer/panels.js";
 import { ChosenPlace } from "/viewer/pointing.js";
 import { fetchDocument } from "/viewer/server.js";
-import { t } from "/viewer/words.js";
+import { said, t } from "/viewer/words.js";
 
 const ASK_EVERY_MS = 250; // the coordinate under a moving cursor
 const USUAL_SIGMA_M = 3; // of a receiver in the open
@@ -39,7 +39,9 @@ export class Anchors {
     closeByEscape("form", () => isVisible(this.form), () => this.endForm());
     this.positions.onchange = () => trying(this.said, () => send("PUT", "/anchors/positions", { asked: this.positions.checked })).then(() => this.read());
     for (const name of NOTATIONS) this.notation.append(new Option(name === "decimal" ? t("Degrees") : name.toUpperCase(), name));
-    map.map.on("mousemove click", ({ latlng }) => this.ask(latlng));
+    this.notation.onchange = () => this.ask();
+    map.map.on("mousemove click", ({ containerPoint }) => this.pointAt(containerPoint));
+    map.map.on("moveend", () => this.ask()); // other ground is under a cursor that rests
     new Laying(map, placements, () => this.read());
   }
 
@@ -58,6 +60,7 @@ export class Anchors {
     const laid = this.laid();
     this.told.textContent = sentence(laid);
     this.place.hidden = !laid?.anchor;
+    this.askAnew(laid?.anchor);
     this.showNorth(laid?.anchor);
     this.pins.clearLayers();
     for (const pin of this.answer.pins.filter(({ island }) => island === this.drawn)) {
@@ -119,6 +122,7 @@ export class Anchors {
 
   endForm() {
     this.form.hidden = true;
+    this.said.textContent = "";
     this.chosen.clear();
     this.set.focus();
   }
@@ -139,25 +143,45 @@ export class Anchors {
     this.map.map.setView([place.y, place.x], this.map.map.getZoom(), { animate: false });
   }
 
+  /** The anchor may be another one than that by which the coordinate was told that is shown. */
+  askAnew(anchor) {
+    if (!anchor || this.wanted?.island !== this.drawn) this.forgetCursor();
+    const by = JSON.stringify(anchor);
+    if (by !== this.toldBy) this.ask();
+    this.toldBy = by;
+  }
+
+  forgetCursor() {
+    this.wanted = null;
+    this.place.textContent = "";
+  }
+
+  /** Where the cursor is in the map's container. */
+  pointAt(point) {
+    this.wanted = { island: this.map.layer?.island, point };
+    this.ask();
+  }
+
   /** What is under the cursor, a few times a second at most. */
-  ask(latlng) {
-    if (!this.laid()?.anchor) return;
-    this.wanted = latlng;
-    this.timer ??= setTimeout(() => this.answerCursor(), ASK_EVERY_MS);
+  ask() {
+    if (this.wanted && this.laid()?.anchor) this.timer ??= setTimeout(() => this.answerCursor(), ASK_EVERY_MS);
   }
 
   async answerCursor() {
-    const { lng, lat } = this.wanted;
-    const answer = await fetchDocument(`/api/v1/coordinates?island=${this.map.layer.island}&x=${lng}&y=${lat}`).catch(() => null);
+    const { wanted } = this;
+    const { lng, lat } = wanted ? this.map.map.containerPointToLatLng(wanted.point) : {};
+    const answer = wanted && (await fetchDocument(`/api/v1/coordinates?island=${wanted.island}&x=${lng}&y=${lat}`).catch(() => null));
     this.timer = undefined;
     const found = answer?.place;
-    if (found) this.place.textContent = `${found[this.notation.value] ?? found.decimal} ± ${Math.ceil(found.error_m)} m (95 %)`;
+    // Of a place that the cursor has left, or by an anchor that is gone, nothing is told.
+    const isThere = found && this.wanted?.island === wanted.island && this.laid()?.anchor;
+    this.place.textContent = isThere ? `${found[this.notation.value] ?? found.decimal} ± ${Math.ceil(found.error_m)} m (95 %)` : "";
   }
 }
 
 function sentence(laid) {
   if (!laid) return t("This island has no anchor: set two pins or more.");
-  if (laid.refused) return laid.refused;
+  if (laid.refused) return said(laid.refused);
   const error = Math.ceil(laid.anchor.middle.error_m);
   if (laid.by === "positions") return t("Laid by {n} positions of the aircraft: ± {m} m (95 %) in the middle.", { n: laid.shots, m: error });
   if (laid.misfit) return t("{name} does not fit the other pins and is left out, ± {m} m (95 %) in the middle: check it, or delete it.", { name: laid.misfit, m: error });

@@ -1,7 +1,10 @@
 // @ts-check
 // Writing to the server: what people add to the flight. Who does is asked once, and kept on this device.
 
+import { said, t } from "/viewer/words.js";
+
 const TIMEOUT_MS = 8000;
+const OWN_WORDS = 2; // of a sentence that a refusal may be: it may hold what somebody has typed
 const KEY = "gcs-mosaic who";
 
 /**
@@ -44,16 +47,22 @@ export function setWho(name) {
 /**
  * Run something that writes; what goes wrong is said in an element.
  * @template Done
- * @param {HTMLElement} said
+ * @param {HTMLElement} place
  * @param {() => Promise<Done>} action
  * @returns {Promise<Done | null>}
  */
-export async function trying(said, action) {
-  said.textContent = "";
+export async function trying(place, action) {
+  place.textContent = "";
   try {
     return await action();
   } catch (error) {
-    said.textContent = error.message;
+    place.textContent = sentenceOf(error);
     return null;
   }
+}
+
+/** What went wrong, for whoever looks: of a server that does not answer browsers have words of their own, which help nobody. */
+function sentenceOf(error) {
+  const isUnanswered = error.name === "TimeoutError" || error instanceof TypeError;
+  return isUnanswered ? t("No answer: nothing is known to have changed.") : said(error.message, OWN_WORDS);
 }

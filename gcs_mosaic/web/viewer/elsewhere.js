@@ -140,7 +140,7 @@ class Station {
 
 /** @param {Api.MapsForOthers} answer */
 function whatIsShown({ islands, unanchored, error_m }) {
-  if (!islands.length) return t("Nothing is shown on other maps: no part of the flight has an anchor. Set two pins under Anchor.");
+  if (!islands.length) return t("Nothing is shown on other maps: no part of the flight has an anchor. Set two pins under Anchor; of pins that are set it says there why they lay nothing.");
   const shown = t("Shown on other maps, ± {m} m (95 %) at the worst corner.", { m: Math.ceil(error_m) });
   return unanchored.length ? `${shown} ${t("Not shown, without an anchor: island {ids}.", { ids: unanchored.join(", ") })}` : shown;
 }

@@ -133,6 +133,7 @@ export class Finds {
 
   endForm() {
     this.form.hidden = true;
+    this.said.textContent = "";
     this.chosen.clear();
     this.place = null;
     this.edited = null;

@@ -8,7 +8,7 @@ import { metresIn } from "/viewer/numbers.js";
 import { outlineLayer } from "/viewer/outline.js";
 import { fetchDocument } from "/viewer/server.js";
 import { laidAt, similarity } from "/viewer/similarity.js";
-import { t } from "/viewer/words.js";
+import { said, t } from "/viewer/words.js";
 
 const TILE = 256; // px
 const MOST_ACROSS = 4; // tiles of the picture
@@ -176,7 +176,7 @@ export class Laying {
     const laid = await trying(this.said, () => this.savePins());
     button.disabled = false;
     if (laid) this.onTaken();
-    if (laid?.refused) this.said.textContent = laid.refused;
+    if (laid?.refused) this.said.textContent = said(laid.refused);
     else if (laid) this.dialog.close();
   }
 

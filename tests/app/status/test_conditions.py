@@ -87,6 +87,7 @@ NEWS = {
     "chosen": ("cameras, *_T.*", beside(cameras=CHOSEN)),
     "islands": ("islands", replace(FLYING, islands=2)),
     "behind": ("behind", replace(FLYING, behind=Behind(frames=4, seconds=12.0))),
+    "one behind": ("behind", replace(FLYING, behind=Behind(frames=1, seconds=12.0))),
     "never heard": ("link udp:14550", replace(FLYING, links=(LinkReport(address="udp:14550", state="listening"),))),
     "silent": ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="silent"),))),
     "failed": ("link udp:14550", replace(FLYING, links=(replace(HEARD, state="failed"),))),

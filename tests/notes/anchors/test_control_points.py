@@ -9,6 +9,7 @@ import numpy as np
 import pyproj
 import pytest
 
+from gcs_mosaic.cli.main import main
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.ellipsoid import LocalPlane
 from gcs_mosaic.notes.anchors import pins as kept_pins
@@ -32,6 +33,10 @@ def written(tmp_path: Path, text: str, name: str = "points.csv") -> Path:
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def told_of(root: Path, change: AnchorChange) -> str:
+    return anchor_flight(root, change).text
 
 
 def place(x: float, y: float) -> str:
@@ -129,17 +134,17 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_points_lay_the_map_and_are_told(flight: MappedFlight, tmp_path: Path) -> None:
-    said = anchor_flight(flight.root, AnchorChange())
+    said = told_of(flight.root, AnchorChange())
     assert said.splitlines() == [
         f"island {island} ({frames}): no anchor; set two pins or more on the page or with --points FILE, or use --positions"
         for island, frames in ((0, "2 frames"), (1, "1 frame"))
     ]
     points = written(tmp_path, table((0, 0), (300, 0), (0, 100)))
-    said = anchor_flight(flight.root, AnchorChange(points=points))
+    said = told_of(flight.root, AnchorChange(points=points))
     assert "island 0 (2 frames): laid by 3 pins (checked): 44.499970, 7.000126 ± 1 m (95 %) in the middle" in said
     assert "pin 3 p2: " in said
     assert ", 0.0 m from where the map lays it" in said
-    said = anchor_flight(flight.root, AnchorChange(deleted=[3], positions=True))
+    said = told_of(flight.root, AnchorChange(deleted=[3], positions=True))
     assert "laid by 2 pins (unchecked: a third pin checks them)" in said
     book = NotesBook(flight.root)
     assert Pins(book).by_positions
@@ -156,9 +161,9 @@ def test_a_corrected_table_takes_the_place_of_the_wrong_one(flight: MappedFlight
     """Ten pins of five points, and the map lay in between, 930 m off."""
     good = table((0, 0), (300, 0), (0, 100))
     wrong = written(tmp_path, good.replace(",44.", ",44.9"))
-    assert "replaced" not in anchor_flight(flight.root, AnchorChange(points=wrong))
+    assert "replaced" not in told_of(flight.root, AnchorChange(points=wrong))
     for last in (6, 9):  # the second time by mistake
-        said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, good, "good.csv"))).splitlines()
+        said = told_of(flight.root, AnchorChange(points=written(tmp_path, good, "good.csv"))).splitlines()
         assert said[0] == "3 pins of these names and places were replaced"
         assert "laid by 3 pins (checked): 44.499970, 7.000126" in said[1]
         assert numbers(flight) == [last - 2, last - 1, last]
@@ -176,12 +181,12 @@ def test_what_is_replaced_has_its_name_and_its_place(flight: MappedFlight, tmp_p
         ("q", "a.jpg", 200, 150),  # twice in one table
     ]
     rows = ["\n".join(f"{n},{f},{x},{y},{place(x, y)}" for n, f, x, y in some) for some in (first, again)]
-    anchor_flight(flight.root, AnchorChange(points=written(tmp_path, head + rows[0])))
-    said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, head + rows[1])))
+    told_of(flight.root, AnchorChange(points=written(tmp_path, head + rows[0])))
+    said = told_of(flight.root, AnchorChange(points=written(tmp_path, head + rows[1])))
     assert said.splitlines()[0] == "2 pins of these names and places were replaced"
     assert numbers(flight) == [2, 4, 5, 6, 7, 8, 9]
     same = written(tmp_path, f"frame,px,py,lat,lon\nb.jpg,100,100,{place(90, 90)}\n")
-    said = anchor_flight(flight.root, AnchorChange(points=same, deleted=[4]))
+    said = told_of(flight.root, AnchorChange(points=same, deleted=[4]))
     assert said.splitlines()[0] == "1 pin of this name and place was replaced"
     assert numbers(flight) == [5, 6, 7, 8, 9, 10]
 
@@ -190,24 +195,24 @@ def test_a_point_seen_in_two_pictures_keeps_both(flight: MappedFlight, tmp_path:
     """One place of the map, pointed at in each of them: a row takes the place of its own picture's pin."""
     flight.paint("c.jpg", Pose(300.0, 0.0), island=0)
     text = "name,frame,px,py,lat,lon\n" + "\n".join(f"p,{name}.jpg,200,150,{place(300, 0)}" for name in "bc")
-    anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
-    assert "2 pins of these" in anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
+    told_of(flight.root, AnchorChange(points=written(tmp_path, text)))
+    assert "2 pins of these" in told_of(flight.root, AnchorChange(points=written(tmp_path, text)))
     assert numbers(flight) == [3, 4]
     alone = written(tmp_path, text.rsplit("\n", 1)[0], "alone.csv")
-    assert "1 pin of this" in anchor_flight(flight.root, AnchorChange(points=alone))
+    assert "1 pin of this" in told_of(flight.root, AnchorChange(points=alone))
     assert numbers(flight) == [4, 5]
 
 
 def test_a_full_table_is_read_in_again(flight: MappedFlight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept_pins, "MOST_PINS", 3)
     points = written(tmp_path, table((0, 0), (300, 0), (0, 100)))
-    anchor_flight(flight.root, AnchorChange(points=points))
-    assert "3 pins of these" in anchor_flight(flight.root, AnchorChange(points=points))
+    told_of(flight.root, AnchorChange(points=points))
+    assert "3 pins of these" in told_of(flight.root, AnchorChange(points=points))
 
 
 def test_a_frame_is_found_by_its_file_s_name(flight: MappedFlight, tmp_path: Path) -> None:
     text = f"frame,px,py,lat,lon,sigma\nDCIM/a.jpg,200,150,{place(0, 0)},0.5\nb.jpg,200,150,{place(300, 0)},0.5\n"
-    said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
+    said = told_of(flight.root, AnchorChange(points=written(tmp_path, text)))
     assert "island 0 (2 frames): laid by 2 pins" in said
 
 
@@ -222,19 +227,29 @@ def test_a_line_that_cannot_be_used_is_told_and_the_others_are(
     flight: MappedFlight, tmp_path: Path, row: str, told: str
 ) -> None:
     text = f"frame,px,py,lat,lon\nb.jpg,200,150,{place(0, 0)}\n{row},{place(300, 0)}\na.jpg,20,north,{place(300, 0)}\n"
-    said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text))).splitlines()
+    said = told_of(flight.root, AnchorChange(points=written(tmp_path, text))).splitlines()
     assert "line 4: py is to be a number" in said[0]
     assert f"line 3: {told}; it was left out." in said[1]
     assert "an anchor needs two pins or more, and has 1" in said[2].lower()
 
 
+@pytest.mark.parametrize(("places", "code"), [(((0, 0), (0, 0)), 1), (((0, 0), (300, 0)), 0)])
+def test_a_script_is_told_by_the_exit_code_that_points_lay_nothing(
+    flight: MappedFlight, tmp_path: Path, places: tuple[tuple[float, float], ...], code: int
+) -> None:
+    assert main(["anchor", str(flight.root)]) == 0, "nothing was asked for"
+    points = written(tmp_path, table(*places))
+    assert main(["anchor", str(flight.root), "--points", str(points)]) == code
+    assert main(["anchor", str(flight.root), "--delete", "1"]) == 0
+
+
 def test_nothing_is_set_where_no_point_can_be(flight: MappedFlight, tmp_path: Path) -> None:
     text = f"frame,px,py,lat,lon\nz.jpg,200,150,{place(0, 0)}\n"
     with pytest.raises(UsageError, match=r"line 2: no frame on the map is called z.jpg; nothing was set"):
-        anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
-    assert "no anchor" in anchor_flight(flight.root, AnchorChange())
+        told_of(flight.root, AnchorChange(points=written(tmp_path, text)))
+    assert "no anchor" in told_of(flight.root, AnchorChange())
     with pytest.raises(UsageError, match="there is no pin 4; there are: none"):
-        anchor_flight(flight.root, AnchorChange(deleted=[4]))
+        told_of(flight.root, AnchorChange(deleted=[4]))
 
 
 @pytest.mark.parametrize(
@@ -255,7 +270,7 @@ def test_nothing_is_set_where_no_point_can_be(flight: MappedFlight, tmp_path: Pa
 def test_names_of_frames_as_other_programs_write_them(flight: MappedFlight, tmp_path: Path, name: str) -> None:
     """Lower case in the list and upper case on the card (a public report, number 710)."""
     text = f"frame,px,py,lat,lon\n{name},200,150,{place(0, 0)}\nb.jpg,200,150,{place(300, 0)}\n"
-    said = anchor_flight(flight.root, AnchorChange(points=written(tmp_path, text)))
+    said = told_of(flight.root, AnchorChange(points=written(tmp_path, text)))
     assert "island 0 (2 frames): laid by 2 pins" in said
 
 
@@ -280,7 +295,7 @@ def test_a_point_in_a_covered_frame_is_one_of_the_frame_that_covers_it(flight: M
         ledger.record_covered("hover.jpg", "b.jpg", ((1.0, 0.0, 20.0), (0.0, 1.0, -10.0), (0.0, 0.0, 1.0)))
     rows = [f"HOVER.JPG,180,160,{place(300, 0)}", f"b.jpg,10,150,{place(110, 0)}", f"hover,390,150,{place(510, 0)}"]
     points = "\n".join(["frame,px,py,lat,lon", *rows])
-    assert "laid by 3 pins" in anchor_flight(flight.root, AnchorChange(points=written(tmp_path, points)))
+    assert "laid by 3 pins" in told_of(flight.root, AnchorChange(points=written(tmp_path, points)))
     with closing(NotesBook(flight.root)) as book:
         first, _, beyond = (pin.pin.binding for pin in Pins(book).all())
     assert (first.frame, first.pixel) == ("b.jpg", (200.0, 150.0))
@@ -385,6 +400,6 @@ def test_all_points_are_set_or_none(flight: MappedFlight, tmp_path: Path, monkey
 
     monkeypatch.setattr(Pins, "create", failing)
     with pytest.raises(DiskFull):
-        anchor_flight(flight.root, AnchorChange(points=written(tmp_path, table((0, 0), (300, 0), (0, 100)))))
+        told_of(flight.root, AnchorChange(points=written(tmp_path, table((0, 0), (300, 0), (0, 100)))))
     monkeypatch.undo()
-    assert "no anchor" in anchor_flight(flight.root, AnchorChange())
+    assert "no anchor" in told_of(flight.root, AnchorChange())
