@@ -89,6 +89,11 @@ def adjust(problem: Problem, settings: AdjustmentSettings, run: Run = map) -> So
     return _solution(state, covariances, refused | doubtful.any(axis=1))
 
 
+def cost_of(problem: Problem, solution: Solution, settings: AdjustmentSettings) -> float:
+    """What a problem costs as solved, by its own priors: of two solutions the one that costs less is likelier."""
+    return _first_state(replace(problem, poses=solution.poses, lenses=solution.lenses), settings).cost
+
+
 def _solution(state: _State, lens_covariances: Matrices | None, refused: Mask) -> Solution:
     problem = state.problem
     return Solution(
