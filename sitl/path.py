@@ -22,6 +22,7 @@ CLIMB_RATIO = 3.0
 GAP = 1.6  # picture lengths between the last frame before the gap and the first after it: no overlap, whatever the wind
 LOOKS = np.radians([72, 55, 75, 66])  # tilts of oblique frames; the half field of view is 22, so most see the horizon
 OBLIQUE_EVERY = 5  # frames
+AHEAD = float(np.radians(60))  # tilt of a camera that looks far ahead; the horizon stays just outside
 CLOSE = 4
 
 
@@ -136,6 +137,14 @@ def oblique(lens: Lens, plan: Plan) -> list[Station]:
     return stations
 
 
+def ahead(lens: Lens, plan: Plan) -> list[Station]:
+    """North along one line with a camera that looks far ahead: two frames fit another plane as well."""
+    step = steps(lens, plan)[0]
+    south = (plan.frames - 1) / 2 * step
+    along = np.arange(plan.frames) * step
+    return [Station(x=0.0, y=float(south - at), height=plan.height, course=0.0, look=AHEAD) for at in along]
+
+
 def line(lens: Lens, plan: Plan) -> list[Station]:
     """North along one line, pictures CLOSE times as close as the forward overlap says: many looks at few places."""
     step = steps(lens, plan)[0] / CLOSE
@@ -166,6 +175,7 @@ SCENARIOS: dict[str, Route] = {
     "climb": climb,
     "lost": lost,
     "oblique": oblique,
+    "ahead": ahead,
     "line": line,
     "circle": circle,
     "mission": mission,

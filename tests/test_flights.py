@@ -127,6 +127,16 @@ def test_frames_that_see_the_horizon(tmp_path: Path) -> None:
     assert max(right - left, bottom - top) < 20 * 800
 
 
+@pytest.mark.long
+def test_a_line_that_looks_far_ahead_lies_on_the_true_plane(tmp_path: Path) -> None:
+    """On the other plane, which two frames fit as well, frames lay hundreds of pixels off."""
+    flown = fly(tmp_path, "--scenario", "ahead", "--manner", "px4", "--count", "10")
+    assert flown.score.placed == flown.score.frames == 10
+    assert flown.score.islands == 1
+    assert flown.score.ortho_worst_frame < 5
+    assert flown.closes(frames=10)
+
+
 @pytest.mark.thorough
 @pytest.mark.long
 def test_ground_with_hills_houses_and_trees_and_a_bad_link(tmp_path: Path) -> None:

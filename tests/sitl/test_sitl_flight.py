@@ -48,7 +48,7 @@ def test_the_camera_given_keeps_its_lens_and_takes_the_size() -> None:
 
 def test_an_unknown_scenario_is_refused_with_those_there_are() -> None:
     with pytest.raises(
-        ValueError, match="'loop' is no scenario; there are survey, climb, lost, oblique, line, circle, mission"
+        ValueError, match="'loop' is no scenario; there are survey, climb, lost, oblique, ahead, line, circle, mission"
     ):
         plan("loop")
 

@@ -120,8 +120,8 @@ def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
 
 
 # Frames of an island that is tried over its other plane: three often fit either, and a larger one was tried while it grew. With
-# four to nine frames that look ahead by 60 degrees the true plane costs 0.2 to 0.6 of the other; what comes back to the present one
-# costs 0.97 to 1.01 of it.
+# four to nine frames that look ahead by 60 degrees the true plane costs 0.2 to 0.6 of the other; what comes back to the present
+# one costs 0.97 to 1.01 of it.
 OTHERWISE = range(4, 24)
 LIKELIER = 0.8
 
