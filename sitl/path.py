@@ -138,9 +138,10 @@ def oblique(lens: Lens, plan: Plan) -> list[Station]:
 
 
 def ahead(lens: Lens, plan: Plan) -> list[Station]:
-    """North along one line with a camera that looks far ahead: two frames fit another plane as well."""
-    step = steps(lens, plan)[0]
-    south = (plan.frames - 1) / 2 * step
+    """North along one line with a camera that looks far ahead: two frames fit another plane as well. Not beyond the world: the
+    more frames, the closer."""
+    step = min(steps(lens, plan)[0], 2 * plan.height / max(plan.frames - 1, 1))
+    south = (plan.frames - 1) / 2 * step + plan.height
     along = np.arange(plan.frames) * step
     return [Station(x=0.0, y=float(south - at), height=plan.height, course=0.0, look=AHEAD) for at in along]
 
