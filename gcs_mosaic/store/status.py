@@ -306,7 +306,11 @@ def behind_words(document: dict[str, Any]) -> str:
     frames, seconds = document["frames_in_queue"], document.get("seconds_behind")
     if not frames:
         return "none waits"
-    return f"the map is {frames} frames{'' if seconds is None else f', {seconds:.0f} s'} behind"
+    return f"the map is {frames_words(frames)}{'' if seconds is None else f', {seconds:.0f} s'} behind"
+
+
+def frames_words(count: int) -> str:
+    return "1 frame" if count == 1 else f"{count} frames"
 
 
 def last_frame_words(last: dict[str, Any]) -> str:

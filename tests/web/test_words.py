@@ -41,6 +41,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.guard import PUT_BACK
 from gcs_mosaic.store.records import FrameState, NoticeRecord
 from gcs_mosaic.store.retry import ADVICE, UntilWritable
+from gcs_mosaic.store.status import frames_words
 from gcs_mosaic.triggers.doubts import Doubts
 from gcs_mosaic.views.absent import NO_PICTURE, NOTHING_YET
 from gcs_mosaic.views.layers import area_words, legends
@@ -204,6 +205,7 @@ def notices_of_the_server() -> list[str]:
     told = [one.text for one in found_again.fresh()]
     told += [_left_out_text(7, 1, "the first to trigger a camera", (), recorded=recorded) for recorded in (False, True)]
     told += ["ending: working off 3 frames, then painting the final map, at most 60 s (again Ctrl-C: at once)"]
+    told += [f"the map is {frames_words(count)}, 40 s behind: the newest are stitched first" for count in (1, 7)]
     return told + [shots_later(shift) for shift in (-2, -1, 1, 2)]
 
 

@@ -35,6 +35,7 @@ from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.held_out import held_out_lines, largest, torn_lines
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
+from gcs_mosaic.store.status import frames_words
 
 if TYPE_CHECKING:
     from gcs_mosaic.debug.pictures import DebugPictures
@@ -81,7 +82,7 @@ def stitch(
                     pictures.write(pipeline.mosaic.placements(), lambda name: _seen(pipeline, name))
                     tell(console, f"debug pictures: {debug}")
     if not frames.placed:
-        count = _frames(sum(_counts(frames).values()))
+        count = frames_words(sum(_counts(frames).values()))
         raise NothingPlaced(f"none of {count} found a place: there is no map, {folder.path} has the reasons")
     return folder.path
 
@@ -212,13 +213,9 @@ def _summary(pipeline: Pipeline, seconds: float) -> Iterator[str]:
 def _islands_in_words(islands: Sequence[tuple[int, int]]) -> str:
     """Islands given as (number, frame count), largest first."""
     if len(islands) == 1:
-        return f"one island, {_frames(islands[0][1])}"
-    sizes = ", ".join(f"number {number} with {_frames(count)}" for number, count in islands[:12])
+        return f"one island, {frames_words(islands[0][1])}"
+    sizes = ", ".join(f"number {number} with {frames_words(count)}" for number, count in islands[:12])
     return f"{len(islands)} islands: {sizes}{', ...' if len(islands) > 12 else ''}" if islands else "no island"
-
-
-def _frames(count: int) -> str:
-    return "1 frame" if count == 1 else f"{count} frames"
 
 
 def _counts(account: object) -> dict[str, int]:

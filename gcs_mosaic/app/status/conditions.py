@@ -22,7 +22,7 @@ from gcs_mosaic.frames.rtsp.address import AUTO
 from gcs_mosaic.messages import LinkReport, Notice, SourceReport
 from gcs_mosaic.store.held_out import Figures, torn_lines
 from gcs_mosaic.store.records import Accounts, FrameState
-from gcs_mosaic.store.status import AircraftStatus, Behind, Condition
+from gcs_mosaic.store.status import AircraftStatus, Behind, Condition, frames_words
 
 Aircraft = int | None  # None: of a source for all
 
@@ -170,8 +170,7 @@ class Conditions:
             yield SoNow("islands", "warning", text, held_s=HELD_S, stays=f"{text} with gcs-mosaic --resume")
         if facts.behind.seconds >= BEHIND_S:
             frames, seconds = facts.behind.frames, facts.behind.seconds
-            so_many = "1 frame" if frames == 1 else f"{frames} frames"
-            text = f"The map is {so_many}, {seconds:.0f} s behind the camera: the newest are shown first"
+            text = f"The map is {frames_words(frames)}, {seconds:.0f} s behind the camera: the newest are shown first"
             yield SoNow("behind", "warning", text, said=False)
 
 

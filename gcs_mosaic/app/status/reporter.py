@@ -22,7 +22,7 @@ from gcs_mosaic.store.held_out import Figures, held_out_lines, largest, torn_lin
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.log import log_notice
 from gcs_mosaic.store.records import Accounts, FlightRecord, NoticeRecord
-from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame, Status, counted, status_document
+from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame, Status, counted, frames_words, status_document
 from gcs_mosaic.store.told_documents import DaemonState
 
 logger = logging.getLogger(__name__)
@@ -263,5 +263,5 @@ class Backlog:
         if behind.seconds < max(SAID_FROM_S, 2 * self._said_s):
             return None
         self._said_s = behind.seconds
-        text = f"the map is {behind.frames} frames, {behind.seconds:.0f} s behind: the newest are stitched first"
+        text = f"the map is {frames_words(behind.frames)}, {behind.seconds:.0f} s behind: the newest are stitched first"
         return Notice(source="daemon", level="warning", text=text)

@@ -24,6 +24,7 @@ from gcs_mosaic.notes.storage.book import NotesBook
 from gcs_mosaic.notes.storage.checked import Unfit
 from gcs_mosaic.notes.texts import shown
 from gcs_mosaic.store.folder import find_flight
+from gcs_mosaic.store.status import frames_words
 from gcs_mosaic.views.flight_view import FlightView
 
 WHO = "command line"
@@ -170,8 +171,7 @@ def _binding(follower: GroundFollower, frames: FramesByName, point: ControlPoint
 def _lines(view: FlightView, laid: Mapping[int, IslandAnchor]) -> Iterator[str]:
     counts = Counter(frame.island for frame in view.table().frames)
     for island, count in counts.most_common():
-        frames = "1 frame" if count == 1 else f"{count} frames"
-        yield f"island {island} ({frames}): {_sentence(laid.get(island))}"
+        yield f"island {island} ({frames_words(count)}): {_sentence(laid.get(island))}"
         if island in laid:
             yield from _pins_of(laid[island])
     if not counts:

@@ -566,6 +566,7 @@ export default {
   "the last of all": "der letzte von allen",
   "the map has caught up: every frame has had its turn": "die Karte hat aufgeholt: jedes Bild war an der Reihe",
   "the map is at {address}": "die Karte ist unter {address} zu sehen",
+  "the map is 1 frame, {s} s behind: the newest are stitched first": "die Karte ist 1 Bild, {s} s zurück: die neuesten kommen zuerst",
   "the map is {n} frames, {s} s behind: the newest are stitched first": "die Karte ist {n} Bilder, {s} s zurück: die neuesten kommen zuerst",
   "the mean of all looks": "das Mittel aller Blicke",
   "the number {n} every time": "immer die Nummer {n}",
