@@ -275,8 +275,8 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
             problem = _stepped(state.problem, state.normal.layout, step)
             lenses = _lenses_after(state.problem, state.normal.layout, step)
             stopped |= (problem.lenses != lenses).any(axis=1)
-            leaps = abs(problem.poses - state.problem.poses)[:, LOG_GSD] > MOST_ZOOM
-            candidate = state if leaps.any() else _evaluate(problem, settings, state.discounts, state.normal.layout)
+            problem = _without_leaps(problem, state.problem.poses)
+            candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
             if candidate.cost < state.cost:
                 return replace(candidate, steps=state.steps + 1, stopped_lenses=stopped), max(damping / 5, 1e-9)
         damping *= 8
@@ -287,6 +287,12 @@ LOG_GSD = 2  # place in a pose
 # Of a frame's scale in one step, as log. What a frame does not see any more costs no more than matches 100 px off, so one whose
 # matches contradict each other by more would be thrown out of sight. Steps of four real flights change it by 0.07 at most.
 MOST_ZOOM = 1.0
+
+
+def _without_leaps(problem: Problem, before: PosesNx6) -> Problem:
+    """The problem after a step, with frames that leap where they were (n, 6): they do not keep the others from being adjusted."""
+    leaps = abs(problem.poses - before)[:, LOG_GSD] > MOST_ZOOM
+    return replace(problem, poses=np.where(leaps[:, None], before, problem.poses)) if leaps.any() else problem
 
 
 def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
