@@ -236,6 +236,7 @@ class SourceReport:
     gaps: int = 0  # how often the folder was missing or the stream silent
     reading: str = ""  # which video in the folder is being read, and how far it has come
     vehicle: int | None = None  # the aircraft that it belongs to, where each has one
+    same_since_utc: float | None = None  # since when a stream has shown the same picture; None: it does not
     # A folder's files that are not taken: kinds of those that came since the start (endings, or folders of previews with a
     # slash), most first; of those there at the start that are too old, how many there are and how many came here lately.
     passed_over: tuple[tuple[str, int], ...] = ()

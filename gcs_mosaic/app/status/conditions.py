@@ -52,6 +52,10 @@ UNASKED = (
     "The stream {name} {come}, but not one camera trigger: nothing of it {was} mapped. See that the autopilot announces its "
     "pictures, or start with --every overlap, which needs no triggers"
 )
+FROZEN = (
+    "The stream {name} has shown the same picture for {s:.0f} s: if the aircraft moves, the camera or its encoder is frozen and "
+    "nothing new comes on the map. Start the camera's video again; its shots may still be on its card"
+)
 NO_PICTURE_OF_STREAM = (
     "{shots} no picture: the stream brought none of that time; if the camera's card has it, gcs-mosaic stitch maps it"
 )
@@ -190,11 +194,16 @@ def _of_the_map_for_good(facts: Facts) -> Iterator[SoNow]:
 
 
 def _of_streams(facts: Facts) -> Iterator[SoNow]:
-    """Streams of which nothing is mapped: none has come yet, or nobody asks for pictures."""
+    """Streams of which nothing is mapped: none has come yet, nobody asks for pictures, or they show nothing new."""
     for source in (facts.source, *facts.sources):
-        if source is None or source.kind != "stream" or source.taken:
+        if source is None or source.kind != "stream":
             continue
         whose = "" if source.vehicle is None else f" of aircraft {source.vehicle}"
+        if source.same_since_utc is not None and source.state == "connected":
+            text = FROZEN.format(name=source.name, s=facts.utc - source.same_since_utc)
+            yield SoNow(f"frozen{whose}", "warning", text)
+        if source.taken:
+            continue
         if source.state == "connecting":
             text = (
                 NONE_ANNOUNCED if source.name == AUTO else f"No stream has come from {source.name} yet: {SEE_TO_STREAM}"
@@ -213,6 +222,10 @@ def _over(key: str) -> str | None:
         return "the whole map is shown in its camera's new range"
     if what == "overlap":
         return f"frames{key.removeprefix('overlap')} match the map again"
+    if what == "frozen":
+        if system:
+            return f"the stream of aircraft {system} does not show the same picture any more"
+        return "the stream does not show the same picture any more"
     return f"aircraft {system} is heard again" if what == "silence" else None
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from av.video.frame import VideoFrame
 from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
@@ -39,3 +40,9 @@ class ConvertedPicture:
     def to_ndarray(self, *, format: str) -> NDArray[Any]:
         """The pixels in that format."""
         return self._converter.array(self._video, format)
+
+    def luma(self) -> NDArray[np.uint8]:
+        """(height, width) bytes of the first plane, unconverted and not copied: only to be compared with others of the stream."""
+        plane = self._video.planes[0]
+        data = np.asarray(memoryview(plane), np.uint8)
+        return data.reshape(plane.height, plane.line_size)[:, : self.width]

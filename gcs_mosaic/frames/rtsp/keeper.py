@@ -139,14 +139,14 @@ class _Keeper:
         if told["state"] not in get_args(SourceState):
             raise ValueError("no state")
         counted: dict[str, Any] = {name: int(told[name]) + before for name, before in self._counted.items()}
-        times = {name: told[name] for name in ("since_utc", "last_seen_utc")}
+        times = {name: told[name] for name in ("since_utc", "last_seen_utc", "same_since_utc")}
         fields: dict[str, Any] = times | counted
         self._report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"], **fields)
         return self._report
 
     def _gone(self, ended: str) -> Iterator[Item]:
         last = self._report or SourceReport(kind="stream", name=stream_name(self._address), state="lost")
-        self._report = replace(last, state="lost", since_utc=time.time(), gaps=last.gaps + 1)
+        self._report = replace(last, state="lost", since_utc=time.time(), gaps=last.gaps + 1, same_since_utc=None)
         self._counted = {name: getattr(self._report, name) for name in COUNTS}
         yield Notice(source="stream", level="warning", text=f"{WHAT} has ended ({ended}); it is started again")
         yield self._report

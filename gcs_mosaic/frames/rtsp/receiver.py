@@ -15,7 +15,8 @@ import av.logging
 
 from gcs_mosaic.frames.rtsp.address import StreamAddress
 from gcs_mosaic.frames.rtsp.connection import Connection, NotConnected
-from gcs_mosaic.frames.rtsp.ring_buffer import Ring
+from gcs_mosaic.frames.rtsp.frozen import SamePicture
+from gcs_mosaic.frames.rtsp.ring_buffer import Ring, StreamPicture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
 from gcs_mosaic.messages import Notice
 
@@ -36,6 +37,7 @@ class Tally:
     seen: int = 0
     damaged: int = 0
     gaps: int = 0
+    same_since: float | None = None  # since when it shows the same picture; None: it does not
 
 
 class Receiver:
@@ -47,6 +49,7 @@ class Receiver:
         self._settings, self._stop = settings, stop
         self._address: StreamAddress | None = None
         self._addressed = threading.Event()
+        self._same = SamePicture()
         self._said = ""  # last reported reason for having no connection
         self._size: tuple[int, int] | None = None
         self._sizes_said = self._gaps_said = 0
@@ -116,6 +119,7 @@ class Receiver:
                 self.tally.damaged += picture.damaged
                 self._note_size(connection.address, (picture.video.width, picture.video.height))
                 self.ring.put(picture, now)
+                self._note_same(picture, now)
         return "ended"
 
     # Reporting
@@ -157,6 +161,11 @@ class Receiver:
                 text = f"brought nothing for {connection.paused_s:.1f} s; frames of that time are missing{last}"
                 self._say(connection.address, "warning", text)
         self.tally.last_arrival, self.tally.longest_pause_s = now, connection.longest_pause_s
+
+    def _note_same(self, picture: StreamPicture, now: float) -> None:
+        if not picture.damaged:
+            self._same.note(picture.video.luma(), now)
+            self.tally.same_since = self._same.since
 
     def _note_size(self, address: StreamAddress, size: tuple[int, int]) -> None:
         if self._size not in (None, size) and self._sizes_said < MOST_SIZES:

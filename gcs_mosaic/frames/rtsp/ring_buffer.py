@@ -28,6 +28,8 @@ class VideoPicture(Protocol):
 
     def to_ndarray(self, *, format: str) -> NDArray[Any]: ...
 
+    def luma(self) -> NDArray[np.uint8]: ...
+
 
 @dataclass(slots=True, eq=False)
 class StreamPicture:

@@ -185,6 +185,7 @@ class Stream:
             taken=self._taken,
             damaged=tally.damaged,
             gaps=tally.gaps,
+            same_since_utc=None if tally.same_since is None else tally.same_since + utc_of_zero,
         )
         before = self._reported
         if before is None or before[0].state != report.state or now - before[1] >= _REPORT_S:

@@ -103,6 +103,7 @@ NEWS = {
     "stream never came": ("source", streamed(state="connecting")),
     "stream never announced": ("source", streamed(state="connecting", name="auto")),
     "stream not asked": ("unasked", replace(streamed(seen=90), accounts=Accounts())),
+    "stream frozen": ("frozen", streamed(taken=8, same_since_utc=970.0)),
     "no picture of the stream": (
         "missing",
         replace(streamed(taken=8), accounts=Accounts(events=EventAccount(missing=1))),
@@ -249,6 +250,14 @@ def test_an_aircraft_is_silent_on_a_link_that_goes_on_without_it() -> None:
         assert "silence of aircraft 2" in [one.key for one in found]
     conditions.so_now(replace(FLYING, links=(heard((1, 999.0), (2, 998.0)),)))
     assert [notice.text for notice in conditions.fresh()][-1] == "aircraft 2 is heard again"
+
+
+def test_a_frozen_stream_is_told_as_long_as_it_is_and_over_once() -> None:
+    conditions = Conditions()
+    (one,) = conditions.so_now(streamed(taken=8, same_since_utc=970.0))
+    assert one.text.startswith("The stream cam has shown the same picture for 30 s")
+    assert keys(conditions, streamed(taken=8)) == []
+    assert [notice.level for notice in conditions.fresh()] == ["warning", "info"]
 
 
 def test_a_single_frame_that_matches_nothing_is_no_news() -> None:

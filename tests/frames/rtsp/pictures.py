@@ -19,6 +19,9 @@ class Still:
     def to_ndarray(self, *, format: str) -> NDArray[np.uint8]:
         return self._grey if format == "gray" else np.repeat(self._grey[..., None], 3, axis=2)
 
+    def luma(self) -> NDArray[np.uint8]:
+        return self._grey
+
 
 def settled_clock() -> CaptureClock:
     """Pictures' times are moments."""

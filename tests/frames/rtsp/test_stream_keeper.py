@@ -24,7 +24,7 @@ from tests.factories import trigger_event
 URL = "rtsp://127.0.0.1:9/x"
 JPEG = b"\xff\xd8 and so on"
 NAME = "stream/20261124-101112.500.jpg"
-REPORT = {"name": URL, "state": "connected", "since_utc": 1.0, "last_seen_utc": 2.0}
+REPORT = {"name": URL, "state": "connected", "since_utc": 1.0, "last_seen_utc": 2.0, "same_since_utc": None}
 COUNTS = {"seen": 5, "taken": 2, "damaged": 1, "gaps": 0}
 SAID = "the process that receives the stream has ended (exit code 0); it is started again"
 
