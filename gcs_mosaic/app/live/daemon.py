@@ -184,6 +184,7 @@ class _Daemon:
         self._event_log = EventLog(store.ledger, config.pairing, self._until_writable, links.trust, apart=apart)
         self._fleet = Fleet(lambda: links.choice.counted, store.ledger, several=several)
         self._seen = SeenPictures()
+        self._said_damaged = set[str]()  # files, by the names that their frames will have
         self._came: dict[str, float] = {}  # when files were complete, by frame name
         self._last_frame = 0.0
         self._until = math.inf  # deadline for finishing
@@ -288,6 +289,7 @@ class _Daemon:
                 self._preparation.forget_expected(item)
             case DamagedFile():
                 self._driver.accept(item)
+                self._said_damaged.add(item.name)
                 self.say(Notice(source="frames", level="warning", text=f"{item.name} is damaged: {item.reason}"))
             case DroppedFrame():
                 self._driver.accept(item)
@@ -307,6 +309,7 @@ class _Daemon:
         if taken_as_rewritten(self._pipeline.store, found):
             return
         found = as_whole_of_damaged(self._pipeline.store, found)
+        self._take_back_damage(found.name)
         self._set_preview_aside(found)
         if came_meanwhile := found.vehicle not in self._looked and self._came_while_starting(found):
             appeared = time.monotonic() - (time.time() - found.modified)
@@ -319,6 +322,13 @@ class _Daemon:
         if frame is not None:
             self._came[frame.name] = found.received
             self._preparation.append(frame)
+
+    def _take_back_damage(self, name: str) -> None:
+        """Say that a file is whole, if it was told as damaged: an upload may take longer than one waits for it."""
+        if name in self._said_damaged:
+            self._said_damaged.remove(name)
+            text = f"{name} has come whole after all: it is taken as any other"
+            self.say(Notice(source="frames", level="info", text=text))
 
     def _came_while_starting(self, found: Frame) -> bool:
         """Whether a file that was there at the first look was written since the links are heard: its trigger was heard, too."""

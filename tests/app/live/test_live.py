@@ -148,6 +148,8 @@ def test_what_happened_is_said(flown: Running) -> None:
     assert flown.status()["state"] == "stopped"
     assert "made the folder frames, which was not there" in flown.said
     assert "sub/cut.jpg is damaged: truncated" in flown.said
+    assert "sub/cut.jpg has come whole" not in flown.said
+    assert "sub/mended.jpg has come whole after all: it is taken as any other" in flown.said
     assert "files ending in .txt are not images" in flown.said
     assert "Traceback" not in flown.said
 
