@@ -156,7 +156,7 @@ def has_started(flight: Running) -> bool:
     assert flight.process.poll() is None, flight.said
     if flight.silent:
         return (flight.out / "status.json").exists()
-    return "frames were there" in flight.said or "frames come from" in flight.said
+    return "frames were there" in flight.said or "1 frame was there" in flight.said or "frames come from" in flight.said
 
 
 def frames_of(out: Path) -> dict[str, FrameRecord]:

@@ -405,8 +405,13 @@ class FolderWatch:
 
     def _first_look(self) -> Notice:
         self._left += 0 if self._videos is None else self._videos.left
-        left = f"; {self._left} older ones are left alone (--from start takes them)" if self._left else ""
-        text = f"watching {self._folder}: {self._taken_as_frames} frames were there{left}"
+        count, left = self._taken_as_frames, ""
+        if self._left == 1:
+            left = "; 1 older one is left alone (--from start takes it)"
+        elif self._left:
+            left = f"; {self._left} older ones are left alone (--from start takes them)"
+        there = "1 frame was there" if count == 1 else f"{count} frames were there"
+        text = f"watching {self._folder}: {there}{left}"
         return Notice(source="frames", level="info", text=text, topic=Topic.FIRST_LOOK)
 
 

@@ -83,7 +83,8 @@ def files_in(given: list[Path], cameras: Sequence[str] = (), *, together: bool =
         passed_over += [*(text for _, texts in found for text in texts), *([chosen.said] if chosen.said else [])]
     in_folders = all(path.is_dir() for path in given)
     ordered, order = _in_order(looks, notes.append) if in_folders else (looks, "in the order given")
-    return GivenFiles(ordered, f"{len(looks)} frames {order}", tuple(passed_over), tuple(notes), bands)
+    count = "1 frame" if len(looks) == 1 else f"{len(looks)} frames"
+    return GivenFiles(ordered, f"{count} {order}", tuple(passed_over), tuple(notes), bands)
 
 
 def _in_order(looks: list[Look], note: Callable[[str], None]) -> tuple[list[Look], str]:

@@ -32,7 +32,7 @@ def is_whole(data: bytes, max_pixels: int = MAX_PIXELS) -> Whole | NotWhole:
     """Whole, with a `doubt` perhaps, if `data` is a JPEG, PNG or TIFF of at most `max_pixels`; nothing is decoded."""
     begin = image_start(data)
     if begin is None:
-        return NotWhole(_no_image(data) if data.count(0) < len(data) else "empty so far")
+        return NotWhole(_no_image(data) if data.count(0) < len(data) else "empty")
     try:
         whole = _HEADERS[begin[0]](data)
     except StructureError as truncated:

@@ -6,7 +6,7 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass
 from ipaddress import ip_address
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Literal
 
 from gcs_mosaic.errors import UsageError
@@ -25,6 +25,7 @@ _SCHEMES: dict[str, Kind] = {
     "tcpin": "tcpin",
     "serial": "serial",
 }
+_LOGS = (".bin", ".log", ".ulg")  # of autopilots, which `replay` reads
 _CALLING: tuple[Kind, ...] = ("udpout", "tcp")
 _HOST = re.compile(r"(?=.{1,253}$)[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 _PLAIN = re.compile(r"([0-9.]+|\[[^\]]*\]):[0-9]+", re.ASCII)
@@ -58,6 +59,9 @@ def parse_address(text: str) -> LinkAddress:
     if _PLAIN.fullmatch(text):
         return _socket(text, "udp", text)
     scheme, colon, rest = text.partition(":")
+    if PurePath(text).suffix.lower() in _LOGS:
+        then = f"gcs-mosaic replay {text!r} --frames DIR maps the flight from it and its pictures"
+        raise UsageError(f"--mavlink {text!r} is a log, and no link: {then}.")
     kind = _SCHEMES.get(scheme.lower())
     if kind is None or not colon:
         raise _malformed(text, "an address such as udp:14550, tcp:HOST:5760, serial:/dev/ttyACM0:57600 or FLIGHT.tlog")

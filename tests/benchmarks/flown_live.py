@@ -84,7 +84,7 @@ def fly(
         process = subprocess.Popen(command, cwd=home, stderr=said, env=environment())
         stack.callback(process.kill)
         vehicle = stack.enter_context(closing(Vehicle("127.0.0.1", port, ["camera"])))
-        until(lambda: (home / "mosaic" / "mosaic.json").exists() and b"frames were there" in said_in(home), process)
+        until(lambda: (home / "mosaic" / "mosaic.json").exists() and b"there" in said_in(home), process)
         if page:
             stack.enter_context(looking_on(page_of(home), home))
         watched, start = stack.enter_context(Watched(process.pid)), time.monotonic()

@@ -205,7 +205,7 @@ def test_old_files_are_left_counted_and_said(watched: Watched) -> None:
     watched.write("fresh.jpg", age_s=600)
     (notice,) = [item for item in watched.look(3) if isinstance(item, Notice)]
     assert notice.topic is Topic.FIRST_LOOK
-    assert "1 frames were there; 1 older ones are left" in notice.text
+    assert "1 frame was there; 1 older one is left alone (--from start takes it)" in notice.text
 
 
 def test_an_old_file_that_is_copied_in_later_is_taken(watched: Watched) -> None:

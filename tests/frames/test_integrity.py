@@ -148,7 +148,7 @@ def test_anything_else_is_not_an_image_but_what_it_is(data: bytes, kind: str) ->
 
 
 def test_an_empty_file_is_only_not_written_yet() -> None:
-    assert is_whole(b"") == is_whole(bytes(100)) == NotWhole("empty so far")
+    assert is_whole(b"") == is_whole(bytes(100)) == NotWhole("empty")
 
 
 @given(

@@ -55,7 +55,7 @@ def test_every_form_is_understood(text: str, address: LinkAddress) -> None:
         "udp:[::g]:14550", "udp:::1:14550", "[127.0.0.1]:14550", "[]:14550", "1.2.3:14550", "COM3,", "COM3,fast",
         "udpout:14550", "udpout::14550", "udpbcast:14550",
         "tcp:5760", "tcp::5760", "tcp:host", "serial:", "serial:/etc/passwd", "/dev/../etc/passwd",
-        "serial:/dev/ttyACM0:fast", "serial:/dev/ttyACM0:9", "/bin/ls", "vehicle.elf", "flight.bin", "csv:x", "14550",
+        "serial:/dev/ttyACM0:fast", "serial:/dev/ttyACM0:9", "/bin/ls", "vehicle.elf", "csv:x", "14550",
         "mcast:", "ws:1.2.3.4:80", "udp:-o.Proxy:14550",
     ],
 )  # fmt: skip
@@ -81,3 +81,10 @@ def test_anything_else_is_an_address_or_a_usage_error(text: str) -> None:
 def test_an_address_is_parsed_without_pymavlink() -> None:
     code = "import sys, gcs_mosaic.mavlink.address; sys.exit('pymavlink' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=30, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("log", ["flight.bin", "logs/00000012.BIN", "00000012.log", r"C:\logs\a flight.ulg"])
+def test_of_an_autopilot_s_log_it_is_told_what_maps_it(log: str) -> None:
+    with pytest.raises(UsageError, match="is a log, and no link") as caught:
+        parse_address(log)
+    assert f"gcs-mosaic replay {log!r} --frames DIR" in str(caught.value)
