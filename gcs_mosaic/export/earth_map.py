@@ -172,7 +172,8 @@ def _way(laid: IslandAnchor) -> str:
     if not isinstance(laid.result, PinnedMap) or laid.result.fits:
         return "pins"
     if laid.result.misfits:
-        return f"pins without {', '.join(map(shown, laid.result.misfits))}, which does not fit the others"
+        verb = "does" if len(laid.result.misfits) == 1 else "do"
+        return f"pins without {', '.join(map(shown, laid.result.misfits))}, which {verb} not fit the others"
     return "pins that do not fit each other"
 
 

@@ -18,12 +18,14 @@ from gcs_mosaic.geo.anchor import (
     similarity,
 )
 from gcs_mosaic.geo.ellipsoid import FURTHEST_M, Floats, LocalPlane
+from gcs_mosaic.geo.far_pins import far_from_most
 from gcs_mosaic.geo.gross_errors import UNUSUAL, Supposition, suppositions, usual_squares
 from gcs_mosaic.geo.points import USUAL_SIGMA_M, Pin, Points, coordinates, plane_of, points_of
 
 __all__ = ["UNUSUAL", "USUAL_SIGMA_M", "Pin", "PinnedMap", "Refused", "anchored_by_pins", "misfit_of"]
 
 APART_SIGMAS = 10.0  # of two pins: nearer ones turn the map by more than 8 degrees of one standard deviation
+FEWEST_TOGETHER = 4  # points that agree, at least, beside which one that is far off is left out
 MISFIT_SIGMAS = 3.0  # a pin further from where the map lays it does not fit
 POINTED_UNITS = 2.0  # how exactly people point at a place, one standard deviation in canvas units
 SAME_SCALE = 0.1
@@ -66,7 +68,40 @@ class Refused:
 
 
 def anchored_by_pins(pins: Sequence[Pin], map_error_units: float = 0.0) -> PinnedMap | Refused:
-    """The anchor that pins tell; `map_error_units`: what the map may be bent by, one standard deviation in canvas units."""
+    """The anchor that pins tell; `map_error_units`: what the map may be bent by, one standard deviation in canvas units.
+
+    Where all together tell nothing, those whose coordinates are far from those of most are left out if enough others agree.
+    """
+    of_all = _anchored(pins, map_error_units)
+    far = {} if isinstance(of_all, PinnedMap) and of_all.fits else far_from_most(pins)
+    if not far or _names_others(of_all, [pins[at].name for at in far]):
+        return of_all
+    found = _anchored([pin for at, pin in enumerate(pins) if at not in far], map_error_units)
+    agrees = isinstance(found, PinnedMap) and (found.fits or bool(found.misfits))
+    if isinstance(found, Refused) or not agrees or found.points - len(found.misfits) < FEWEST_TOGETHER:
+        names = [pins[at].name for at in far]
+        return Refused(_far_words(names, min(far.values()))) if isinstance(of_all, Refused) else of_all
+    near = iter(found.residuals_m)
+    residuals = tuple(far[at] if at in far else next(near) for at in range(len(pins)))
+    misfits = (*found.misfits, *dict.fromkeys(pins[at].name for at in far))
+    count = found.points + len(far)
+    return replace(found, residuals_m=residuals, fits=False, checked=False, points=count, misfits=misfits)
+
+
+def _names_others(found: PinnedMap | Refused, far: Sequence[str]) -> bool:
+    """Whether others than the far ones are what does not fit: then those may be of a flight that goes far."""
+    return isinstance(found, PinnedMap) and bool(found.misfits) and not set(far) & set(found.misfits)
+
+
+def _far_words(names: Sequence[str], metres: float) -> str:
+    told, km = list(dict.fromkeys(names)), f"{metres / 1000:.0f}"
+    of_what = "further than any flight: look for latitude and longitude exchanged, or a sign"
+    if len(told) == 1:
+        return f"{told[0]} lies {km} km from the other pins, {of_what}, or delete it."
+    return f"{', '.join(told)} lie {km} km from the other pins, {of_what}, or delete them."
+
+
+def _anchored(pins: Sequence[Pin], map_error_units: float) -> PinnedMap | Refused:
     places = joined(np.array([[pin.x, pin.y] for pin in pins], np.float64).reshape(-1, 2))
     plane = plane_of(pins)
     spots = as_complex(plane.spots(coordinates(pins)))

@@ -250,3 +250,38 @@ def test_how_well_coordinates_are_stated_is_a_probability() -> None:
     places, sigmas = np.array([0j, 9 + 0j]), np.ones(2)
     model = gross_errors._Model(places, places, sigmas, 0 * sigmas, np.zeros(2, bool))
     assert np.exp(model._prior).sum() == pytest.approx(1.0)
+
+
+def swapped(one: Pin) -> Pin:
+    return replace(one, longitude_deg=one.latitude_deg, latitude_deg=one.longitude_deg)
+
+
+@pytest.mark.parametrize("km", [30, 50, 100, 300, 2000])
+@pytest.mark.parametrize("wrong", range(5))
+def test_a_pin_that_is_far_off_is_named_and_left_out_beside_four_that_agree(wrong: int, km: int) -> None:
+    pins = [pin(at) for at in range(5)]
+    pins[wrong] = replace(pins[wrong], latitude_deg=pins[wrong].latitude_deg - km / 111)
+    found = fitted(*pins)
+    assert (found.misfits, found.fits, found.is_checked, found.points) == ((f"pin {wrong}",), False, False, 5)
+    assert max(off_m(found.anchor, x, y) for x, y in SPOTS) < 10.0
+    assert found.residuals_m[wrong] == pytest.approx(km * 1000, rel=0.02)
+
+
+def test_all_pins_that_are_far_off_are_named() -> None:
+    more = [replace(pin(at), name=f"more {at}", x=SPOTS[at][0] + 1.0) for at in (1, 3)]
+    found = fitted(*map(pin, range(4)), *map(swapped, more))
+    assert found.misfits == ("more 1", "more 3")
+
+
+def test_of_too_few_that_agree_the_far_one_is_named_and_nothing_is_laid() -> None:
+    found = anchored_by_pins([pin(0), swapped(pin(1)), pin(2), pin(3)])
+    assert isinstance(found, Refused)
+    assert found.reason.startswith("pin 1 lies ")
+    halves = anchored_by_pins([pin(0), swapped(pin(1)), pin(2), swapped(pin(3))])
+    assert isinstance(halves, Refused)
+    assert halves.reason.startswith("The pins' coordinates are further apart")
+
+
+def test_four_that_contradict_each_other_lay_nothing_though_a_far_one_is_left_out() -> None:
+    pins = [pin(0, off=(900.0, 0.0)), pin(1), pin(2, off=(0.0, 700.0)), pin(3, off=(-800.0, 500.0)), swapped(pin(4))]
+    assert isinstance(anchored_by_pins(pins), Refused)

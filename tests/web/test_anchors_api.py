@@ -109,6 +109,7 @@ def test_a_pin_can_be_taken_away_and_brought_back(client: Writer) -> None:
     set_pins(client, 4)
     client.send("POST", "/pins", pin(150.0, 50.0, coordinate="44.520000, 7.000000", label="wrong"))
     assert client.get("/anchors")["islands"][0]["misfit"] == "wrong"
+    assert client.get("/anchors")["islands"][0]["misfits"] == ["wrong"]
     assert client.send("DELETE", "/pins/5")[1]["deleted"] is True
     assert client.get("/anchors")["islands"][0]["checked"] is True
     assert client.send("POST", "/pins/5/restore")[1]["deleted"] is False

@@ -94,7 +94,8 @@ class PinnedIsland:
     anchor: AnchorAnswer
     checked: Annotated[bool, "whether more is known than it takes, and agrees"]
     fits: bool
-    misfit: Annotated[str | None, "what does not fit, and what to do"]
+    misfit: Annotated[str | None, "the first pin that does not fit"]
+    misfits: Annotated[Sequence[str], "all points that do not fit and are left out, by the names of their pins"]
     points: Annotated[int, "pins, of which near ones count as one"]
     if_right_m: Annotated[float, "the error in the middle (95 %) if all coordinates are as exact as is said"]
     residuals_m: Annotated[Sequence[float], "of the pins, in their order"]
@@ -358,6 +359,7 @@ def _by_pins(island: int, pins: Sequence[int], result: PinnedMap) -> PinnedIslan
         checked=result.is_checked,
         fits=result.fits,
         misfit=result.misfit,
+        misfits=result.misfits,
         points=result.points,
         if_right_m=result.if_right_m,
         residuals_m=result.residuals_m,

@@ -95,7 +95,7 @@ export class Anchors {
     const item = document.createElement("li");
     const text = document.createElement("span");
     text.textContent = `${nameOf(pin)}: ${pin.written || `${pin.latitude}, ${pin.longitude}`} ± ${pin.sigma_m} m${off}`;
-    if (laid?.misfit === nameOf(pin)) text.className = "misfit";
+    if (laid?.misfits?.includes(nameOf(pin))) text.className = "misfit";
     item.append(text, drop);
     return item;
   }
@@ -184,6 +184,7 @@ function sentence(laid) {
   if (laid.refused) return said(laid.refused);
   const error = Math.ceil(laid.anchor.middle.error_m);
   if (laid.by === "positions") return t("Laid by {n} positions of the aircraft: ± {m} m (95 %) in the middle.", { n: laid.shots, m: error });
+  if (laid.misfits.length > 1) return t("{names} do not fit the other pins and are left out, ± {m} m (95 %) in the middle: check them, or delete them.", { names: laid.misfits.join(", "), m: error });
   if (laid.misfit) return t("{name} does not fit the other pins and is left out, ± {m} m (95 %) in the middle: check it, or delete it.", { name: laid.misfit, m: error });
   if (!laid.fits) return t("The pins do not fit each other, ± {m} m (95 %) in the middle: set another one to find out which is wrong.", { m: error });
   const right = Math.ceil(laid.if_right_m);
