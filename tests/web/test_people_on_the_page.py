@@ -529,3 +529,40 @@ def test_what_was_refused_is_not_said_any_more_once_it_is_given_up(page: Page, u
     someone.sees("anchors-said", "is no coordinate that is understood")
     someone.press("anchors-cancel")
     assert someone.text("anchors-said") == ""
+
+
+@pytest.mark.long
+def test_a_deleted_pin_is_brought_back(page: Page, url: str) -> None:
+    someone = Person(page, url)
+    Writer(url).send(
+        "POST", "/pins", {"island": 0, "x": 9, "y": 9, "coordinate": "44.5, 7.0", "label": "gate", "who": "Ann"}
+    )
+    someone.press("open-anchors")
+    someone.sees("anchors-list", "gate")
+    page.evaluate("document.querySelector('#anchors-list button').click()")
+    someone.sees("anchors-undo", "gate is deleted.")
+    page.wait_for("document.querySelectorAll('#anchors-list li').length === 0")
+    page.evaluate("document.querySelector('#anchors-undo button').click()")
+    someone.sees("anchors-list", "gate")
+    page.wait_for("document.getElementById('anchors-undo').hidden")
+    assert page.complaints == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("size", [(360, 640), (640, 360)])
+def test_on_a_small_phone_a_refusal_is_in_sight(page: Page, url: str, size: tuple[int, int]) -> None:
+    someone = Person(page, url, size)
+    someone.press("open-anchors")
+    someone.press("anchors-set")
+    someone.click(150, 330)
+    page.wait_for("!document.getElementById('anchors-form').hidden")
+    someone.type("anchors-form", coordinate="somewhere")
+    someone.sees("anchors-said", "is no coordinate that is understood")
+    page.wait_for(
+        """(({ top, bottom, left, right }, side) =>
+      top >= side.top && bottom <= Math.min(side.bottom, innerHeight) + 1
+      && document.getElementById('anchors-said').contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2))
+    )(...['anchors-said', 'side'].map((id) => document.getElementById(id).getBoundingClientRect()))""",
+        5.0,
+    )
+    assert page.complaints == []

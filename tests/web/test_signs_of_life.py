@@ -29,3 +29,27 @@ def test_silence_is_told_by_how_long_it_lasts(
     told = page.evaluate(f"{STATE}.innerText + document.getElementById('alarm').innerText")
     assert ("What you see is from" in told) is (silent_s > 10)
     assert page.evaluate("document.getElementById('alarm').hidden") is (kind != "bad")
+
+
+JUST_BACK = """(async (lostMs, heardMs) => {
+  const [{ Connection }, { showStrip }] = await Promise.all([import('/viewer/server.js'), import('/viewer/strip.js')]);
+  const [status, now] = [await (await fetch('/status.json')).json(), Date.now()];
+  const connection = new Connection();
+  connection.lastSign = connection.lastAnswer = now - lostMs;
+  connection.sign();
+  connection.lastAnswer = now;  // the map's, whose status is still being asked for
+  connection.backAt -= heardMs;
+  showStrip({ mosaic: null, newestFrame: null, status, statusAt: now - lostMs, hasEnded: false, isGone: false }, connection, 0);
+  return document.querySelector('#state b').textContent;
+})"""
+
+
+@pytest.mark.parametrize(("heard_s", "title"), [(0.5, "Nothing new"), (6, "Not responding")])
+def test_after_a_hole_in_the_network_a_flight_is_not_called_dead_before_it_was_asked(
+    page: Page, url: str, flight: SmallFlight, heard_s: float, title: str
+) -> None:
+    """By a status that came before; but one that does not come then either is none."""
+    flight.status(updated_utc=time.time() - 45, conditions=LASTING)
+    page.open(url)
+    page.wait_for(f"{STATE}.querySelector('b').textContent === 'Not responding'")
+    assert page.evaluate(f"{JUST_BACK}({45_000 - 1000 * heard_s}, {1000 * heard_s})") == title

@@ -28,6 +28,8 @@ export class Anchors {
     this.told = byId("anchors-told");
     this.said = byId("anchors-said");
     this.positions = byId("anchors-positions");
+    this.undo = byId("anchors-undo");
+    this.undo.querySelector("button").onclick = () => this.restore();
     this.go = byId("anchors-go");
     this.notation = byId("anchors-notation");
     this.place = byId("coordinate");
@@ -91,13 +93,29 @@ export class Anchors {
     const residual = laid?.residuals_m?.[laid.pins.indexOf(pin.id)];
     const off = residual !== undefined && laid.points > 2 ? `, ${t("{m} m off", { m: residual.toFixed(1) })}` : "";
     const drop = Object.assign(document.createElement("button"), { type: "button", textContent: t("Delete"), ariaLabel: `${t("Delete")}: ${nameOf(pin)}` });
-    drop.onclick = () => trying(this.said, () => send("DELETE", `/pins/${pin.id}`)).then(() => this.read());
+    drop.onclick = () => this.remove(pin);
     const item = document.createElement("li");
     const text = document.createElement("span");
     text.textContent = `${nameOf(pin)}: ${pin.written || `${pin.latitude}, ${pin.longitude}`} ± ${pin.sigma_m} m${off}`;
     if (laid?.misfits?.includes(nameOf(pin))) text.className = "misfit";
     item.append(text, drop);
     return item;
+  }
+
+  /** @param {Api.Pin} pin */
+  async remove(pin) {
+    if (await trying(this.said, () => send("DELETE", `/pins/${pin.id}`))) {
+      this.deleted = pin.id;
+      this.undo.querySelector("span").textContent = t("{name} is deleted.", { name: nameOf(pin) });
+      this.undo.hidden = false;
+      this.undo.querySelector("button").focus();
+    }
+    await this.read();
+  }
+
+  async restore() {
+    if (await trying(this.said, () => send("POST", `/pins/${this.deleted}/restore`))) this.undo.hidden = true;
+    await this.read();
   }
 
   begin(place) {

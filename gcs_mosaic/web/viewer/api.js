@@ -57,6 +57,7 @@ export async function trying(place, action) {
     return await action();
   } catch (error) {
     place.textContent = sentenceOf(error);
+    place.scrollIntoView({ block: "nearest" }); // a form is higher than what a phone shows of it
     return null;
   }
 }

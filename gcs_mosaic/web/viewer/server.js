@@ -96,6 +96,7 @@ function giveUp() {
 export class Connection {
   lastAnswer = Date.now();
   lastSign = Date.now(); // an answer, or anything else that it has sent
+  backAt = 0; // when it was heard again after it had been lost
   isRefused = false; // the server answers, but not to this device
 
   /** Run something that talks to the server; a failure only shows in `lostForSeconds`. */
@@ -115,8 +116,16 @@ export class Connection {
 
   /** Something has come from it. */
   sign() {
-    if (this.lostForSeconds()) giveUp();
+    if (this.lostForSeconds()) {
+      giveUp();
+      this.backAt = Date.now();
+    }
     this.lastSign = Date.now();
+  }
+
+  /** Whether what came at that moment came before the server was lost, and is asked for again now. */
+  isJustBackSince(moment) {
+    return this.backAt > moment && Date.now() - this.backAt < LOST_AFTER_MS;
   }
 
   /** Seconds since anything came from the server, or 0 while that is short enough to be normal. */

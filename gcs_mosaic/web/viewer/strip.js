@@ -17,14 +17,14 @@ const OWN_WORDS = 2; // of a sentence that a notice may be: notices are of many 
 const WORST = ["error", "warning", "info"];
 
 /**
- * @param {{ mosaic: Api.Mosaic, newestFrame: unknown, status: Api.Status, hasEnded: boolean, isGone: boolean }} told
+ * @param {{ mosaic: Api.Mosaic, newestFrame: unknown, status: Api.Status, statusAt: number, hasEnded: boolean, isGone: boolean }} told
  * @param {import("/viewer/server.js").Connection} connection
  * @param {number} lagSeconds
  * @param {Api.Island} [island] the one in view
  * @param {number} [gaps] on it
  */
-export function showStrip({ mosaic, newestFrame, status, hasEnded, isGone }, connection, lagSeconds, island, gaps = 0) {
-  const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf(status, mosaic, connection, lagSeconds, isGone);
+export function showStrip({ mosaic, newestFrame, status, statusAt, hasEnded, isGone }, connection, lagSeconds, island, gaps = 0) {
+  const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf({ status, statusAt, mosaic }, connection, lagSeconds, isGone);
   const conditions = state.kind === "bad" ? [] : status?.conditions ?? [];
   showState(withWorst(state, conditions));
   showParts(mosaic, island, gaps);
@@ -106,7 +106,7 @@ function partsOf(mosaic) {
 }
 
 /** What is going on: {kind, title, detail, alarm}; `alarm` is a sentence if what is shown may be old, `isOld`: it is, by some seconds. */
-function stateOf(status, mosaic, connection, lagSeconds, isGone) {
+function stateOf({ status, statusAt, mosaic }, connection, lagSeconds, isGone) {
   const updated = status?.updated ?? mosaic?.updated;
   const asOf = updated ? seenFrom(updated) : "";
   const lostSeconds = connection.lostForSeconds();
@@ -132,7 +132,7 @@ function stateOf(status, mosaic, connection, lagSeconds, isGone) {
   if (!status) return mosaic ? { kind: "calm", title: t("Saved flight"), detail: t("painted {time}", { time: written(updated) }) } : nothingYet();
   if (status.state === "stopped") return { kind: "calm", title: t("Flight ended"), detail: t("painted {time}", { time: written(updated) }) };
   const age = ageOf(updated);
-  if (age > HUNG_AFTER_S) {
+  if (age > HUNG_AFTER_S && !connection.isJustBackSince(statusAt)) {
     const alarm = `${t("gcs-mosaic has not shown a sign of life for {time}.", { time: duration(age) })} ${asOf}`;
     return { kind: "bad", title: t("Not responding"), detail: forTime(age), alarm };
   }

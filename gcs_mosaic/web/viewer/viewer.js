@@ -78,8 +78,8 @@ originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
 const aircraft = new AircraftChoice(byId("aircraft"));
-/** @type {{ mosaic: Api.Mosaic | null, newestFrame: Api.Placed | Api.Covered | null, status: Api.Status | null }} */
-const known = { mosaic: null, newestFrame: null, status: null }; // the last that came: it stays while the server is away
+/** @type {{ mosaic: Api.Mosaic | null, newestFrame: Api.Placed | Api.Covered | null, status: Api.Status | null, statusAt: number }} */
+const known = { mosaic: null, newestFrame: null, status: null, statusAt: 0 }; // the last that came: it stays while the server is away
 let isGone = false; // the flight's folder, which was there
 let reading = false;
 let readAgain = false;
@@ -137,6 +137,7 @@ async function askStatus() {
     const status = await fetchDocument("/status.json");
     if (known.status && known.status.state !== status?.state) map.refreshAll();
     known.status = status ?? known.status;
+    if (status) known.statusAt = Date.now();
     if (status) isGone = false;
     else await seeFolder();
     if (!known.status && known.mosaic) noStatusUntil = Date.now() + NO_STATUS_EVERY_MS;
