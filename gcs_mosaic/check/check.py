@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.check.documents import STATUS_NAME, check_documents, has_lost_the_map, write_documents
-from gcs_mosaic.check.findings import CheckedPart, Findings, Progress
+from gcs_mosaic.check.findings import CheckedPart, Findings, Lost, Progress
 from gcs_mosaic.check.invariants import check_rows, settle_rows
 from gcs_mosaic.check.notes import check_notes
 from gcs_mosaic.check.originals import adopt_originals, check_originals, restore_originals
@@ -76,12 +76,12 @@ def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Fi
     `sources`: folders in which damaged originals are sought, beside those that the flight has watched.
     """
     refuse_strange_parts(find_flight(flight))
-    lock, unread = _locked(flight), list[str]()
+    lock, lost = _locked(flight), Lost()
     try:
-        done = list(_repaired(flight, progress, [*sources, *_watched(flight)], unread))
+        done = list(_repaired(flight, progress, [*sources, *_watched(flight)], lost))
     finally:
         lock.release()
-    return replace(check(flight, progress, every_tile=True), repaired=done, unread="; ".join(unread))
+    return replace(check(flight, progress, every_tile=True), repaired=done, lost=lost)
 
 
 def check_checkpoint(flight: Path, ledger: Ledger, part: CheckedPart) -> None:
@@ -115,24 +115,24 @@ def check_strays(flight: Path, part: CheckedPart) -> None:
         part.fault(path.relative_to(flight).as_posix(), "a link or a device, which is not followed")
 
 
-def _repaired(flight: Path, progress: Progress, sources: Sequence[Path], unread: list[str]) -> Iterator[str]:
-    """What is done, step by step; what could not be read of a damaged ledger is added to `unread`."""
+def _repaired(flight: Path, progress: Progress, sources: Sequence[Path], lost: Lost) -> Iterator[str]:
+    """What is done, step by step."""
     for path in list(_unfinished(flight)):
         inside.remove(path, flight)
         yield f"{path.relative_to(flight)} was removed: it was never finished"
     with ledger_copy(flight, written=False) as opened:
-        lost = isinstance(opened, DamagedLedger)
+        is_lost = isinstance(opened, DamagedLedger)
         version = VERSION if isinstance(opened, DamagedLedger) else opened[1]
-    if lost:
+    if is_lost:
         salvaged = salvage(flight)
-        unread += [salvaged.unread] if salvaged.unread else []
+        lost.unread = salvaged.unread
         yield salvaged.said
     if version != VERSION:
         yield f"the ledger was brought from version {version} of the schema to {VERSION}"
     with Ledger(flight / LEDGER_NAME) as ledger:
-        if lost and (adopted := adopt_originals(flight, ledger)):
+        if is_lost and (adopted := adopt_originals(flight, ledger)):
             yield f"originals that the ledger has lost were recorded as frames still to be placed ({adopted})"
-        yield from _settled(flight, ledger, progress, sources)
+        yield from _settled(flight, ledger, progress, sources, lost.originals)
         yield from _checkpoint_set_aside(flight, ledger)
         damaged = CheckedPart("originals", "files")
         check_originals(flight, ledger, damaged, progress)
@@ -142,7 +142,9 @@ def _repaired(flight: Path, progress: Progress, sources: Sequence[Path], unread:
         ledger.make_durable()
 
 
-def _settled(flight: Path, ledger: Ledger, progress: Progress, sources: Sequence[Path]) -> Iterator[str]:
+def _settled(
+    flight: Path, ledger: Ledger, progress: Progress, sources: Sequence[Path], lost: list[str]
+) -> Iterator[str]:
     """Rows and originals."""
     rows, originals = CheckedPart("ledger", "frames"), CheckedPart("originals", "files")
     check_rows(ledger, rows)
@@ -151,7 +153,7 @@ def _settled(flight: Path, ledger: Ledger, progress: Progress, sources: Sequence
         settle_rows(ledger, flight.resolve().name, started_utc)
         yield f"contradictions of the ledger were settled ({len(rows.faults)}): frames in doubt are pending again"
     check_originals(flight, ledger, originals, progress)
-    yield from restore_originals(flight, ledger, originals.subjects, list(sources))
+    yield from restore_originals(flight, ledger, originals.subjects, list(sources), lost)
 
 
 def _checkpoint_set_aside(flight: Path, ledger: Ledger) -> Iterator[str]:

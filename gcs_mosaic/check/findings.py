@@ -35,9 +35,25 @@ class CheckedPart:
         return {fault.subject for fault in self.faults}
 
 
+@dataclass(slots=True)
+class Lost:
+    """What a repair could not bring back: `unread`, what could not be read of a damaged ledger, in words; `originals`, names of
+    the frames whose files are recorded as not kept."""
+
+    unread: str = ""
+    originals: list[str] = field(default_factory=list)
+
+    @property
+    def words(self) -> str:
+        """Empty if it is nothing."""
+        count = len(self.originals)
+        of_originals = "1 original" if count == 1 else f"{count} originals"
+        return "; ".join([*([self.unread] if self.unread else []), *([of_originals] if count else [])])
+
+
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """The result of a check; `repaired` says what was done about it, `unread` what of a damaged ledger could not be read then.
+    """The result of a check; `repaired` says what was done about it, `lost` what could not be brought back then.
 
     `keeps_documents`: whether a repair leaves the documents, which tell more of the map than the ledger.
     """
@@ -45,7 +61,7 @@ class Findings:
     flight: str
     parts: Sequence[CheckedPart]
     repaired: Sequence[str] = ()
-    unread: str = ""
+    lost: Lost = field(default_factory=Lost)
     keeps_documents: bool = False
 
     @property
@@ -65,7 +81,13 @@ class Findings:
     def document(self) -> dict[str, Any]:
         """As for --json."""
         parts = [asdict(part) for part in self.parts]
-        return {"flight": self.flight, "whole": self.is_whole, "parts": parts, "repaired": list(self.repaired)}
+        return {
+            "flight": self.flight,
+            "whole": self.is_whole,
+            "parts": parts,
+            "repaired": list(self.repaired),
+            "lost": asdict(self.lost),
+        }
 
 
 def in_groups(faults: Sequence[Fault], shown: int) -> Iterator[str]:

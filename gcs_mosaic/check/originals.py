@@ -40,11 +40,14 @@ def check_originals(flight: Path, ledger: Ledger, part: CheckedPart, progress: P
         part.notes.append(f"{len(strangers)} files in frames/ are of no frame of the ledger: they are left as they are")
 
 
-def restore_originals(flight: Path, ledger: Ledger, damaged: set[str], sources: list[Path]) -> list[str]:
-    """Take damaged originals from the camera's files, and record those that are lost as not kept; returns what was done."""
+def restore_originals(
+    flight: Path, ledger: Ledger, damaged: set[str], sources: list[Path], lost: list[str]
+) -> list[str]:
+    """Take damaged originals from the camera's files, and record those that are lost as not kept; returns what was done. Names of
+    frames whose original is lost are added to `lost`."""
     frames = [frame for frame in ledger.frames() if frame.name in damaged and frame.content_hash is not None]
     files = _by_size(sources) if frames else {}
-    return [_restored(flight, ledger, frame, files.get(frame.size or 0, [])) for frame in frames]
+    return [_restored(flight, ledger, frame, files.get(frame.size or 0, []), lost) for frame in frames]
 
 
 def adopt_originals(flight: Path, ledger: Ledger) -> int:
@@ -85,7 +88,7 @@ def _problem(flight: Path, frame: FrameRecord) -> str | None:
     return None if content_hash(data) == frame.content_hash else "its original is not what came"
 
 
-def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path]) -> str:
+def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path], lost: list[str]) -> str:
     path = place_of(flight, frame.original or "") or flight / relative_place(frame.name)
     found = next((data for file in files if (data := _whole(file, frame.content_hash)) is not None), None)
     if found is not None:
@@ -93,6 +96,7 @@ def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path
         write_beside(path, found, durable=True, root=flight)
         ledger.record_original(frame.name, path.relative_to(flight).as_posix())
         return f"{frame.name}: its original was taken from the camera's files again"
+    lost.append(frame.name)
     aside = _set_aside(path, flight)
     ledger.write(
         "UPDATE frames SET original = NULL WHERE id = (SELECT id FROM frames WHERE original = ?)", frame.original

@@ -50,8 +50,8 @@ def show(found: Findings, console: Console, *, mended: bool) -> None:
 
 def verdict(found: Findings, *, mended: bool) -> str:
     """One sentence."""
-    if found.is_whole and found.unread:
-        return f"{found.flight} is whole again, but for what is lost: {found.unread}"
+    if found.is_whole and found.lost.words:
+        return f"{found.flight} is whole again, but for what is lost: {found.lost.words}"
     if found.is_whole:
         return f"{found.flight} is whole"
     faults = sum(len(part.faults) for part in found.parts)

@@ -206,6 +206,8 @@ def test_what_a_lost_original_shows_stays_on_the_map(flight: Path) -> None:
     found = repaired(flight)
     assert found.is_whole, said_of(found)
     assert "2.jpg: its original is lost" in " ".join(found.repaired)
+    assert found.document()["lost"] == {"unread": "", "originals": ["2.jpg"]}
+    assert verdict(found, mended=True) == f"{flight} is whole again, but for what is lost: 1 original"
     assert (flight / "frames/2.jpg.damaged").exists()
     assert {path: data for path, data in files_in(flight).items() if path in before} == before
 
@@ -255,6 +257,7 @@ def test_the_exit_code_and_the_document_tell_whether_it_is_whole(
     assert cli.main(["check", str(flight), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["whole"] is False
+    assert document["lost"] == {"unread": "", "originals": []}
     faults = [(part["name"], fault) for part in document["parts"] for fault in part["faults"]]
     assert faults == [("documents", {"subject": "mosaic.json", "text": "a document that is missing"})]
 
