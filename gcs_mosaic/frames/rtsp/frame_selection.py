@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
 
 from gcs_mosaic.frames.rtsp.ring_buffer import StreamPicture
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
@@ -76,7 +79,11 @@ class Picker:
         near = [one for one in free if one[0] <= farthest_s]
         whole = sorted((one for one in near if not one[2].damaged), key=lambda one: one[0])
         if not whole:
-            return Unanswered(ask, "only damaged pictures" if near else _none_of_that_time([one[0] for one in free]))
+            if near:
+                return Unanswered(ask, "only damaged pictures")
+            every_s = median(later - one for (one, _), (later, _) in pairwise(dated)) if len(dated) > 1 else 0.0
+            reason = _none_of_that_time([one[0] for one in free])
+            return Unanswered(ask, reason + (_too_seldom(every_s) if every_s / 2 > farthest_s else ""))
         inside = [one for one in whole if one[0] <= settings.window_s]
         _, moment, picture = _nearest_sharp(inside, settings.sharp_enough) if inside else whole[0]
         picture.taken = True
@@ -87,6 +94,13 @@ class Picker:
 def _none_of_that_time(distances_s: Sequence[float]) -> str:
     text = "no picture of that time has come"
     return f"{text}, the nearest is {min(distances_s):.1f} s from it (stream: farthest_s)" if distances_s else text
+
+
+def _too_seldom(every_s: float) -> str:
+    half = math.ceil(every_s * 5 + 1) / 10  # a tenth of a second more than half
+    return (
+        f": its pictures come {every_s:.1f} s apart; with stream: {{farthest_s: {half:.1f}}} a trigger gets the nearest"
+    )
 
 
 def _is_free(picture: StreamPicture, ask: Ask) -> bool:

@@ -30,7 +30,7 @@ Item: TypeAlias = Frame | Notice | SourceReport
 _LOOK_S = 0.05  # longest wait for an image between checks for triggers
 _REPORT_S = 1.0
 _MB = 1_000_000
-MOST_SAID = 8  # addresses that were offered in vain
+MOST_SAID = 8  # addresses that were offered in vain, and triggers that got no frame
 OFFER_EACH_S = 10.0  # another stream is taken at most so often: each costs a connection
 
 
@@ -59,7 +59,7 @@ class Stream:
         self._picker = Picker(settings)
         self._wishes = Wishes(settings.every, settings.moved)
         self._names: Counter[str] = Counter()
-        self._taken = self._unanswered = 0
+        self._taken = self._unanswered = self._unanswered_said = 0
         self._said_cut_short = False
         self._is_given = address is not None
         self._said: set[str] = set()
@@ -147,10 +147,13 @@ class Stream:
             yield self._frame(decided)
 
     def _note_unanswered(self, unanswered: Unanswered) -> Iterator[Notice]:
-        """Report only the first of consecutive ones; the others are counted."""
+        """Report only the first of consecutive ones, and no more of a stream that leaves out every other one for ever; all are
+        counted."""
         self._unanswered += 1
-        if self._unanswered == 1:
-            yield _notice("warning", f"a trigger gets no frame: {unanswered.reason}")
+        if self._unanswered == 1 and self._unanswered_said < MOST_SAID:
+            self._unanswered_said += 1
+            last = "; further ones are counted and not told" if self._unanswered_said == MOST_SAID else ""
+            yield _notice("warning", f"a trigger gets no frame: {unanswered.reason}{last}")
 
     def _frame(self, pick: Pick) -> Frame:
         """Encode once; the stitched bytes are the ones kept."""

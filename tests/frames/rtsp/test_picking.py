@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from gcs_mosaic.frames.rtsp.clock import CaptureClock
@@ -77,6 +79,18 @@ def test_where_no_picture_is_near_none_is_taken() -> None:
     assert taken(pictures, 12.0) == [f"no picture of that time has come{nearest}"]
     assert taken([], 12.0) == ["no picture of that time has come"]
     assert taken(pictures, 11.3) == [10.9]
+
+
+def test_of_a_stream_of_few_pictures_it_is_told_what_gives_each_trigger_one() -> None:
+    pictures = [picture(moment) for moment in (10.0, 12.0, 14.0)]
+    (told,) = taken(pictures, 13.0)
+    assert str(told).endswith(
+        "its pictures come 2.0 s apart; with stream: {farthest_s: 1.1} a trigger gets the nearest"
+    )
+    picker = Picker(replace(SETTINGS, farthest_s=1.1))
+    picker.ask(Ask(13.0), now=13.0)
+    assert isinstance(picker.due(pictures, 1000.0)[0], Pick)
+    assert taken(pictures, 13.6) == [14.0]
 
 
 def test_a_trigger_waits_for_the_pictures_after_it() -> None:
