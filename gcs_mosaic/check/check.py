@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gcs_mosaic.check.documents import STATUS_NAME, check_documents, has_lost_the_map, write_documents
-from gcs_mosaic.check.findings import CheckedPart, Findings, Lost, Progress
+from gcs_mosaic.check.findings import CheckedPart, Findings, LostForGood, Progress
 from gcs_mosaic.check.invariants import check_rows, settle_rows
 from gcs_mosaic.check.notes import check_notes
 from gcs_mosaic.check.originals import adopt_originals, check_originals, restore_originals
@@ -76,7 +76,7 @@ def repair(flight: Path, progress: Progress, sources: Sequence[Path] = ()) -> Fi
     `sources`: folders in which damaged originals are sought, beside those that the flight has watched.
     """
     refuse_strange_parts(find_flight(flight))
-    lock, lost = _locked(flight), Lost()
+    lock, lost = _locked(flight), LostForGood()
     try:
         done = list(_repaired(flight, progress, [*sources, *_watched(flight)], lost))
     finally:
@@ -115,7 +115,7 @@ def check_strays(flight: Path, part: CheckedPart) -> None:
         part.fault(path.relative_to(flight).as_posix(), "a link or a device, which is not followed")
 
 
-def _repaired(flight: Path, progress: Progress, sources: Sequence[Path], lost: Lost) -> Iterator[str]:
+def _repaired(flight: Path, progress: Progress, sources: Sequence[Path], lost: LostForGood) -> Iterator[str]:
     """What is done, step by step."""
     for path in list(_unfinished(flight)):
         inside.remove(path, flight)

@@ -36,7 +36,7 @@ class CheckedPart:
 
 
 @dataclass(slots=True)
-class Lost:
+class LostForGood:
     """What a repair could not bring back: `unread`, what could not be read of a damaged ledger, in words; `originals`, names of
     the frames whose files are recorded as not kept."""
 
@@ -61,7 +61,7 @@ class Findings:
     flight: str
     parts: Sequence[CheckedPart]
     repaired: Sequence[str] = ()
-    lost: Lost = field(default_factory=Lost)
+    lost: LostForGood = field(default_factory=LostForGood)
     keeps_documents: bool = False
 
     @property

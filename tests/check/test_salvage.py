@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.check.findings import Findings, Lost
+from gcs_mosaic.check.findings import Findings, LostForGood
 from gcs_mosaic.check.salvage import salvage
 from gcs_mosaic.check.snapshot import integrity_problem, ledger_copy
 from gcs_mosaic.check.table import verdict
@@ -73,7 +73,7 @@ def test_it_is_said_that_triggers_are_lost(flight: Path) -> None:
     assert salvaged.said == (
         f"the damaged ledger is kept as {LEDGER_NAME}.damaged-1; read of it: flight 1, frames {FRAMES}; {salvaged.unread}"
     )
-    whole = Findings("map", (), [salvaged.said], Lost(salvaged.unread))
+    whole = Findings("map", (), [salvaged.said], LostForGood(salvaged.unread))
     assert verdict(whole, mended=True) == f"map is whole again, but for what is lost: {salvaged.unread}"
 
 
