@@ -14,6 +14,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.frames.files import files_in, mapped_of, name_order
 from gcs_mosaic.frames.passed_over import is_preview_folder
 from gcs_mosaic.frames.scan import IMAGE_SUFFIXES, OURS, Look
+from gcs_mosaic.store.status import frames_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ def sources_of(given: Sequence[str], cameras: Sequence[str] = ()) -> Sources:
         if is_bucket(place):
             some, left_out = _mapped_of(_in_bucket(place), cameras)
             files += some
-            said += [f"{len(some)} frames of {place} in the order of their names", *left_out]
+            said += [f"{frames_words(len(some))} of {place} in the order of their names", *left_out]
     return Sources(_told_apart(files), tuple(said))
 
 

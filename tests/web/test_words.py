@@ -204,7 +204,10 @@ def notices_of_the_server() -> list[str]:
         found_again.so_now(FLYING)
     told = [one.text for one in found_again.fresh()]
     told += [_left_out_text(7, 1, "the first to trigger a camera", (), recorded=recorded) for recorded in (False, True)]
-    told += ["ending: working off 3 frames, then painting the final map, at most 60 s (again Ctrl-C: at once)"]
+    told += [
+        f"ending: working off {frames_words(count)}, then painting the final map, at most 60 s (again Ctrl-C: at once)"
+        for count in (1, 3)
+    ]
     told += [f"the map is {frames_words(count)}, 40 s behind: the newest are stitched first" for count in (1, 7)]
     return told + [shots_later(shift) for shift in (-2, -1, 1, 2)]
 
@@ -258,6 +261,7 @@ def sentences_of_an_end() -> list[str]:
     doubts = [Doubts(pairs=n, of=9, shifts=shifts) for n in (1, 3) for shifts in ((), (1, -2))]
     return [
         *(one.text for one in (*refitted.at_the_end(FLYING), *beside)),
+        *(left_out_words(1), unstitched_words(1, out)),
         *(left_out_words(3), unstitched_words(3, out), unpainted_words(out), not_kept_words(["a", "b", "c", "d"], out)),
         left.last_words(
             DiskFull("the disk is full: free some space, then it goes on (/m/flight.sqlite could not be written)"), out

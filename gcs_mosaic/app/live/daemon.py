@@ -59,7 +59,7 @@ from gcs_mosaic.store.folder import FlightFolder
 from gcs_mosaic.store.log import LogFile, said, streams_json
 from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
-from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame
+from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame, frames_words
 from gcs_mosaic.store.told_documents import DaemonState
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
@@ -581,7 +581,8 @@ class _Daemon:
         return not self._shutdown.hurry.is_set() and time.monotonic() < self._until
 
     def _farewell(self) -> str:
-        left = f"working off {len(self._preparation)} frames, then " if len(self._preparation) else ""
+        count = len(self._preparation)
+        left = f"working off {frames_words(count)}, then " if count else ""
         return f"ending: {left}painting the final map, at most {self._config.finish_s:g} s (again Ctrl-C: at once)"
 
     # Output

@@ -13,10 +13,14 @@ GOES_ON = ", then it goes on"
 
 
 def left_out_words(count: int) -> str:
+    if count == 1:
+        return "1 file or message that came last was left out, there was no time for it"
     return f"{count} files and messages that came last were left out, there was no time for them"
 
 
 def unstitched_words(count: int, out: Path) -> str:
+    if count == 1:
+        return f"1 frame is not on the map, there was no time: gcs-mosaic --resume --out {out} goes on with it"
     return f"{count} frames are not on the map, there was no time: gcs-mosaic --resume --out {out} goes on with them"
 
 

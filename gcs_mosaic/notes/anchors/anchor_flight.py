@@ -28,6 +28,7 @@ from gcs_mosaic.store.status import frames_words
 from gcs_mosaic.views.flight_view import FlightView
 
 WHO = "command line"
+FAR_M = 10e3  # told in kilometres
 SAME_PLACE_PX = 2.0  # apart, of a point that was pointed at twice
 VERY_SAME_PX = 0.01  # of points without a name, of which nothing else tells whether they are one
 
@@ -182,7 +183,8 @@ def _pins_of(laid: IslandAnchor) -> Iterator[str]:
     missed = laid.result.residuals_m if isinstance(laid.result, PinnedMap) else [None] * len(laid.pins)
     for pin, metres in zip(laid.pins, missed, strict=True):
         new = pin.pin
-        off = "" if metres is None else f", {metres:.1f} m from where the map lays it"
+        apart = "" if metres is None else f"{metres:.1f} m" if metres < FAR_M else f"{metres / 1000:.0f} km"
+        off = f", {apart} from where the map lays it" if apart else ""
         where = decimal_text(new.longitude_deg, new.latitude_deg)
         yield f"  pin {pin.id} {shown(new.label)}: {where} ± {new.sigma_m:g} m (1σ){off}"
 

@@ -12,6 +12,7 @@ import { fetchDocument } from "/viewer/server.js";
 import { said, t } from "/viewer/words.js";
 
 const ASK_EVERY_MS = 250; // the coordinate under a moving cursor
+const FAR_M = 10_000; // told in kilometres
 const USUAL_SIGMA_M = 3; // of a receiver in the open
 const NOTATIONS = ["decimal", "dms", "utm", "mgrs"];
 
@@ -91,7 +92,7 @@ export class Anchors {
   row(pin) {
     const laid = this.answer.islands.find((one) => one.pins?.includes(pin.id));
     const residual = laid?.residuals_m?.[laid.pins.indexOf(pin.id)];
-    const off = residual !== undefined && laid.points > 2 ? `, ${t("{m} m off", { m: residual.toFixed(1) })}` : "";
+    const off = residual !== undefined && laid.points > 2 ? `, ${offBy(residual)}` : "";
     const drop = Object.assign(document.createElement("button"), { type: "button", textContent: t("Delete"), ariaLabel: `${t("Delete")}: ${nameOf(pin)}` });
     drop.onclick = () => this.remove(pin);
     const item = document.createElement("li");
@@ -195,6 +196,10 @@ export class Anchors {
     const isThere = found && this.wanted?.island === wanted.island && this.laid()?.anchor;
     this.place.textContent = isThere ? `${found[this.notation.value] ?? found.decimal} ± ${Math.ceil(found.error_m)} m (95 %)` : "";
   }
+}
+
+function offBy(metres) {
+  return metres < FAR_M ? t("{m} m off", { m: metres.toFixed(1) }) : t("{km} km off", { km: (metres / 1000).toFixed() });
 }
 
 function sentence(laid) {
