@@ -39,6 +39,7 @@ from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 
 PATCH = 0.25  # flying heights: side of a piece of ground that has one height, as far as the prior counts them
 FEWEST = 10  # sightings of each frame
+MOST_OFF = 10.0  # loss scales: a sighting farther off is of something else, or of nothing
 SETTLING = 2  # steps of the points alone after each step
 # Heights are expected to be as even as the settings say, and twice as uneven as long as that lowers the cost by more than a
 # fifth: by a third and more over hills and cliffs of a quarter of the flying height, by 0.3 to 12 % over recorded flights.
@@ -58,7 +59,7 @@ class Grounded:
 def grounded(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings, run: Run = map) -> Grounded | None:
     """A problem, as solved over the plane, adjusted over these points; `run` as in `normal_equations.solve`.
 
-    None if they do not hold all frames together, or pull a lens to where none is believed.
+    None if they do not hold all frames together, or pull a lens to where none is believed or a frame away from what it sees.
     """
     if not _hold_together(seen, len(problem.poses)):
         return None
@@ -73,8 +74,10 @@ def grounded(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings
         if uneven.cost > LIKELIER * found.cost:
             break
         found = uneven
-    poses, lenses = found.problem.poses, found.problem.lenses
-    return None if found.stopped else Grounded(poses, lenses, drawn_poses(found.problem, seen, found.points))
+    drawn = drawn_poses(found.problem, seen, found.points)
+    if found.stopped or not np.isfinite(drawn).all() or _lost(equations, found):
+        return None
+    return Grounded(found.problem.poses, found.problem.lenses, drawn)
 
 
 def _hold_together(seen: SightedPoints, frames: int) -> bool:
@@ -83,6 +86,12 @@ def _hold_together(seen: SightedPoints, frames: int) -> bool:
     one, other = seen.pairs().T
     links = sparse.coo_matrix((np.ones(len(one), np.int8), (one, other)), shape=(frames, frames))
     return int(connected_components(links, directed=False, return_labels=False)) == 1
+
+
+def _lost(equations: PointEquations, found: PointState) -> bool:
+    """Whether there is a frame that sees most of its points elsewhere."""
+    row, off = equations.seen.row, equations.residuals_px(found) > MOST_OFF * equations.settings.loss_px
+    return bool((np.bincount(row, off) > np.bincount(row) / 2).any())
 
 
 def _first_points(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings) -> RowsNx3:

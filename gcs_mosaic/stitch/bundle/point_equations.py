@@ -217,6 +217,11 @@ class PointEquations:
         _eliminate(normal, gradient, self.layout, shared, inverse, slope)
         return PointState(problem, points, prior, cost, normal, gradient, inverse, slope, shared)
 
+    def residuals_px(self, state: PointState) -> Vector:
+        """How far each sighting (m,) is from where its point is seen; some hundred pixels for what is out of sight."""
+        sighted = _sighted(state.problem, self.seen, state.points, self.settings.loss_px)
+        return np.asarray(np.sqrt(sighted.size2) * self.settings.loss_px)
+
     def settled(self, problem: Problem, points: RowsNx3, prior: HeightPrior, rounds: int) -> RowsNx3:
         """The points (t, 3) after some steps of their own towards where these poses and lenses see them."""
         height = flying_height(problem)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sighted_hills import CAMERA, HEIGHT, sighted, survey
 
-from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.arrays import Array, Indices
 from gcs_mosaic.stitch.bundle.drawn_poses import drawn_poses
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.camera import projection
@@ -21,9 +21,10 @@ def slope(places: Array) -> Array:
     return np.asarray(0.2 * places[:, 0])
 
 
-def misses(problem: Problem, poses: Array, row: Array, pixels: Array, places: Array) -> Array:
+def misses(problem: Problem, poses: Array, row: Indices, pixels: Array, places: Array) -> Array:
     lens, half = np.tile(lens_row(CAMERA), (len(row), 1)), problem.half_diagonal[np.zeros(len(row), int)]
-    return np.linalg.norm(projection.pixels_from_canvas(poses[row], lens, half, places).points - pixels, axis=1)
+    up = projection.pixels_from_canvas(poses[row], lens, half, places)
+    return np.asarray(np.linalg.norm(up.points - pixels, axis=1))
 
 
 def test_a_frame_over_a_plateau_is_drawn_as_one_that_flies_lower() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sighted_hills import CAMERA, HEIGHT, LENS, flat, hill, sighted, survey
 
-from gcs_mosaic.stitch.arrays import Array
+from gcs_mosaic.stitch.arrays import Array, Mask
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
 from gcs_mosaic.stitch.bundle.point_adjustment import FEWEST, grounded
 from gcs_mosaic.stitch.bundle.sighted_points import SightedPoints
@@ -19,7 +19,7 @@ SETTINGS = AdjustmentSettings()
 def rough(poses: Array, seed: int) -> Array:
     """What an adjustment over a plane may leave: a bent map."""
     rng = np.random.default_rng([seed, 2])
-    return poses + rng.normal(0, 1, poses.shape) * np.array([0.02 * HEIGHT, 0.02 * HEIGHT, 0.03, 0.02, 0.04, 0.04])
+    return np.asarray(poses + rng.normal(0, 1, poses.shape) * [0.02 * HEIGHT, 0.02 * HEIGHT, 0.03, 0.02, 0.04, 0.04])
 
 
 def places_apart(found: Array, true: Array) -> float:
@@ -79,7 +79,7 @@ def test_wrong_sightings_bend_nothing() -> None:
     assert places_apart(found.poses[:, :2], truth[:, :2]) < 0.006 * HEIGHT
 
 
-def only(seen: SightedPoints, kept: Array) -> SightedPoints:
+def only(seen: SightedPoints, kept: Mask) -> SightedPoints:
     """Some of the sightings, of points that two frames or more still see."""
     twice = np.bincount(seen.point[kept], minlength=seen.count)[seen.point] >= 2
     kept = kept & twice

@@ -25,7 +25,7 @@ def survey(seed: int, lines: int = 4, per_line: int = 7) -> Array:
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(per_line) * 0.2 * HEIGHT, np.arange(lines) * 0.35 * HEIGHT)
     around = rng.normal(0, 1, (x.size, 4)) * [0.03, 0.1, 0.04, 0.04]
-    return np.c_[x.ravel(), y.ravel(), around]
+    return np.column_stack([x.ravel(), y.ravel(), around])
 
 
 def hill(places: Array) -> Array:
@@ -45,7 +45,7 @@ def sighted(
     rng = np.random.default_rng([seed, 1])
     low, high = poses[:, :2].min(axis=0) - 0.5 * HEIGHT, poses[:, :2].max(axis=0) + 0.5 * HEIGHT
     places = rng.uniform(low, high, (points, 2))
-    truth = np.c_[places, heights(places)]
+    truth = np.column_stack([places, heights(places)])
     row, point = (some.ravel() for some in np.indices((len(poses), points)))
     count = len(row)
     up = projection.pixels_from_canvas(
