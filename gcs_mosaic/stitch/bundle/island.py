@@ -16,8 +16,10 @@ from gcs_mosaic.stitch.bundle.lens import expected
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens, cost_of
 from gcs_mosaic.stitch.bundle.normal_equations import Run
 from gcs_mosaic.stitch.bundle.other_plane import other_poses
+from gcs_mosaic.stitch.bundle.point_adjustment import Grounded, grounded
 from gcs_mosaic.stitch.bundle.problem import POSE, Problem
 from gcs_mosaic.stitch.bundle.relief import MatchedPoints, displacements, matched, note_relief, sightings
+from gcs_mosaic.stitch.bundle.sighted_points import well_spread
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
@@ -105,18 +107,32 @@ def island_task(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> 
 
 
 def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
-    """Run the adjustment: a pure function, for any process. `run` as in `normal_equations.solve`."""
+    """Run the adjustment, over a plane and then over points: a pure function, for any process. `run` as in
+    `normal_equations.solve`."""
     solution = _over_likelier_plane(task, adjust(task.problem, task.settings, run), run)
     certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px, run)
+    found = _over_points(task, solution, run)
     return AdjustedIsland(
-        poses=solution.poses,
-        lenses=solution.lenses,
+        poses=found.drawn,
+        lenses=found.lenses,
         lens_information=certainty.lens_information,
-        lens_refused=solution.refused,
+        lens_refused=solution.refused & (found.lenses == solution.lenses).all(axis=1),
         residuals=_residuals_by_frame(task.problem, solution.residuals_px),
         deviations_px=certainty.deviations_px,
-        reliefs=_reliefs(task, solution),
+        reliefs=_reliefs(task, found),
     )
+
+
+def _over_points(task: IslandTask, solution: Solution, run: Run) -> Grounded:
+    """The island adjusted over points with heights, or as it lies over the plane if its matches do not suffice."""
+    over_plane = Grounded(solution.poses, solution.lenses, solution.poses)
+    if task.matches is None:
+        return over_plane
+    problem, seen = replace(task.problem, poses=solution.poses, lenses=solution.lenses), sightings(task.matches)
+    centres = np.array([camera.centre for camera in task.cameras])
+    camera = problem.camera[seen.row]
+    pixels = (seen.pixels - centres[camera]) / problem.half_diagonal[camera, None]
+    return grounded(problem, well_spread(seen.row, pixels, seen.point), task.settings, run) or over_plane
 
 
 # Frames of an island that is tried over its other plane: three often fit either, and a larger one was tried while it grew. With
@@ -139,13 +155,16 @@ def _over_likelier_plane(task: IslandTask, found: Solution, run: Run) -> Solutio
     return other if costs[1] < LIKELIER * costs[0] else found
 
 
-def _reliefs(task: IslandTask, solution: Solution) -> list[ReliefDisplacement | None]:
+def _reliefs(task: IslandTask, found: Grounded) -> list[ReliefDisplacement | None]:
     if task.matches is None:
         return [None] * len(task.members)
-    cameras = [with_lens(camera, lens) for camera, lens in zip(task.cameras, solution.lenses, strict=True)]
-    poses = (Pose(*pose) for pose in solution.poses.tolist())
-    views = [(pose, cameras[camera]) for pose, camera in zip(poses, task.problem.camera, strict=True)]
-    return displacements(sightings(task.matches), views, task.settings.relief)
+    cameras = [with_lens(camera, lens) for camera, lens in zip(task.cameras, found.lenses, strict=True)]
+    of_frames = [cameras[camera] for camera in task.problem.camera]
+    views, drawn = (
+        [(Pose(*pose), camera) for pose, camera in zip(poses.tolist(), of_frames, strict=True)]
+        for poses in (found.poses, found.drawn)
+    )
+    return displacements(sightings(task.matches), views, task.settings.relief, drawn=drawn)
 
 
 def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:

@@ -272,10 +272,10 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
     for _ in range(6):
         step = solve(state.normal, state.gradient, damping, run)
         if step is not None:
-            problem = _stepped(state.problem, state.normal.layout, step)
-            lenses = _lenses_after(state.problem, state.normal.layout, step)
+            problem = stepped(state.problem, state.normal.layout, step)
+            lenses = lenses_after(state.problem, state.normal.layout, step)
             stopped |= (problem.lenses != lenses).any(axis=1)
-            problem = _without_leaps(problem, state.problem.poses)
+            problem = without_leaps(problem, state.problem.poses)
             candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
             if candidate.cost < state.cost:
                 return replace(candidate, steps=state.steps + 1, stopped_lenses=stopped), max(damping / 5, 1e-9)
@@ -289,15 +289,15 @@ LOG_GSD = 2  # place in a pose
 MOST_ZOOM = 1.0
 
 
-def _without_leaps(problem: Problem, before: PosesNx6) -> Problem:
+def without_leaps(problem: Problem, before: PosesNx6) -> Problem:
     """The problem after a step, with frames that leap where they were (n, 6): they do not keep the others from being adjusted."""
     leaps = abs(problem.poses - before)[:, LOG_GSD] > MOST_ZOOM
     return replace(problem, poses=np.where(leaps[:, None], before, problem.poses)) if leaps.any() else problem
 
 
-def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
+def stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
     """The problem after a step (v, BLOCK), with lenses that a camera can have."""
-    poses, lenses = problem.poses.copy(), _lenses_after(problem, layout, step)
+    poses, lenses = problem.poses.copy(), lenses_after(problem, layout, step)
     of_frames = step[layout.frames[problem.free]]
     poses[problem.free] += of_frames
     if not problem.lens_free:
@@ -309,7 +309,7 @@ def _stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
     return replace(problem, poses=poses, lenses=lenses)
 
 
-def _lenses_after(problem: Problem, layout: EquationLayout, step: Matrix) -> LensesNx5:
+def lenses_after(problem: Problem, layout: EquationLayout, step: Matrix) -> LensesNx5:
     """The lenses (c, 5) after a step, before clipping to the limits."""
     return problem.lenses + step[layout.lenses, :LENS_TERMS] if problem.lens_free else problem.lenses
 
@@ -317,7 +317,7 @@ def _lenses_after(problem: Problem, layout: EquationLayout, step: Matrix) -> Len
 def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Array], layout: EquationLayout) -> _State:
     """Cost, derivatives and residuals, part by part: only sums of the derivatives are held."""
     normal, gradient = blank(layout)
-    cost = _add_priors(problem, settings, normal, gradient)
+    cost = add_priors(problem, settings, normal, gradient)
     residuals_px = np.empty(problem.present.shape)
     for number, (part, discounts) in enumerate(zip(parts(problem), by_part, strict=True)):
         pairs = slice(number * PAIRS_AT_ONCE, (number + 1) * PAIRS_AT_ONCE)
@@ -328,7 +328,7 @@ def _evaluate(problem: Problem, settings: AdjustmentSettings, by_part: list[Arra
     return _State(problem, by_part, cost, normal, gradient, residuals_px)
 
 
-def _add_priors(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
+def add_priors(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
     """Add the priors to normal matrix and gradient: nearly level flight, an ordinary lens. Returns their cost."""
     cost = _add_tilt_prior(problem, settings, normal, gradient)
     return cost + _add_lens_prior(problem, normal, gradient) if problem.lens_free else cost

@@ -98,15 +98,20 @@ def note_relief(graph: ViewGraph, frame: int, settings: ReliefSettings) -> None:
 
 
 def displacements(
-    seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings, of: Sequence[int] | None = None
+    seen: Sightings,
+    views: Sequence[tuple[Pose, Camera]],
+    settings: ReliefSettings,
+    of: Sequence[int] | None = None,
+    drawn: Sequence[tuple[Pose, Camera]] | None = None,
 ) -> list[ReliefDisplacement | None]:
-    """Relief displacements of frames at these poses, for all rows or only rows `of`."""
+    """Relief displacements of frames at these poses, for all rows or only rows `of`; `drawn`: of poses that they are drawn at
+    instead of those that they see the ground from."""
     rows = range(len(views)) if of is None else of
     if settings.cells == 0:
         return [None] * len(rows)
     return [
         displacement(*view, ground, settings)
-        for view, ground in zip(_chosen(views, rows), seen_ground(seen, views, settings, rows), strict=True)
+        for view, ground in zip(_chosen(drawn or views, rows), seen_ground(seen, views, settings, rows), strict=True)
     ]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, PointsNx2, Vector
+from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, PointsNx2, RowsNx3, Vector
 
 ROUNDS = 5  # of reweighting
 
@@ -43,7 +43,14 @@ def tracks(matches: IndexPairsNx2, frame_of_node: Indices) -> Tracks:
 def triangulate(
     places: PointsNx2, by_height: PointsNx2, deviations: Vector, track: Indices, height_sigma: float
 ) -> PointsNx2:
-    """Vertical projections (t, 2) of the points onto the plane, from one ray per observation.
+    """Vertical projections (t, 2) of the points onto the plane; as `ground_points`."""
+    return ground_points(places, by_height, deviations, track, height_sigma)[:, :2]
+
+
+def ground_points(
+    places: PointsNx2, by_height: PointsNx2, deviations: Vector, track: Indices, height_sigma: float
+) -> RowsNx3:
+    """Places and heights (t, 3) of points from one ray per observation.
 
     places (m, 2): intersections of the rays with the plane; by_height (m, 2): their shift per unit of height; deviations (m,):
     standard deviation of an observation, canvas units; height_sigma: of the points' heights about the plane. Robust (Cauchy): a
@@ -51,7 +58,7 @@ def triangulate(
     """
     weight = 1 / deviations**2
     robust = np.ones(len(track))
-    points = np.zeros((int(track.max(initial=-1)) + 1, 2))
+    points, height = np.zeros((int(track.max(initial=-1)) + 1, 2)), np.zeros(0)
     for _ in range(ROUNDS):
         w = weight * robust
         total = np.bincount(track, w).astype(np.float64)
@@ -62,7 +69,7 @@ def triangulate(
         points = mean_place + height[:, None] * mean_slope
         off2 = ((places + height[track, None] * by_height - points[track]) ** 2).sum(axis=1) * weight
         robust = 1 / (1 + off2)
-    return points
+    return np.column_stack([points, height])
 
 
 def _means(values: PointsNx2, weights: Vector, track: Indices, total: Vector) -> PointsNx2:

@@ -108,12 +108,15 @@ def canvas_from_pixels(poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vecto
     return Projected(poses[:, :2] + offset, product(by_u, u_by_pixel), by_pose, by_lens, by_height, visible)
 
 
-def pixels_from_canvas(poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vector, places: PointsNx2) -> Projected:
-    """Pixels (m, 2) of canvas places (m, 2), with one pose, lens and half-diagonal (m,) each."""
+def pixels_from_canvas(
+    poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vector, places: PointsNx2, heights: Vector | float = 0.0
+) -> Projected:
+    """Pixels (m, 2) of canvas places (m, 2) at these heights (m,) above the plane, with one pose, lens and half-diagonal (m,)
+    each."""
     poses, lenses, places = (np.asfortranarray(values) for values in (poses, lenses, places))
     rotation, axes = rotations(poses)
     height = np.exp(poses[:, 2] + lenses[:, 0]) * half_diagonals
-    sight = np.array([places[:, 0] - poses[:, 0], places[:, 1] - poses[:, 1], height]).T
+    sight = np.array([places[:, 0] - poses[:, 0], places[:, 1] - poses[:, 1], height - heights]).T
     ray = product(rotation.transpose(0, 2, 1), sight[:, :, None])[:, :, 0]
     depth = np.where(abs(ray[:, 2]) < 1e-6, 1e-6, ray[:, 2])
     u = ray[:, :2] / depth[:, None]

@@ -158,7 +158,7 @@ def test_the_gradient_is_that_of_the_cost() -> None:
     layout = here.normal.layout
     step = RNG.normal(0, 1e-5, here.gradient.shape) / np.sqrt(here.normal.diagonal)
     ahead, behind = (
-        adjustment._evaluate(adjustment._stepped(problem, layout, sign * step), settings, fixed, layout).cost
+        adjustment._evaluate(adjustment.stepped(problem, layout, sign * step), settings, fixed, layout).cost
         for sign in (1, -1)
     )
     expected = 4 * (here.gradient * step).sum()  # the cost is the sum of squares, not half
@@ -206,7 +206,7 @@ def test_a_frame_whose_matches_contradict_each_other_is_not_thrown_out_of_sight(
     state = adjustment._first_state(replace(problem, pixels_a=wrong), settings)
     leap = np.zeros_like(state.gradient)
     leap[state.normal.layout.frames[0], adjustment.LOG_GSD] = -800.0
-    gone = adjustment._stepped(state.problem, state.normal.layout, leap)
+    gone = adjustment.stepped(state.problem, state.normal.layout, leap)
     assert adjustment._evaluate(gone, settings, state.discounts, state.normal.layout).cost < state.cost
     monkeypatch.setattr(adjustment, "solve", lambda *_: leap)
     stays, damping = adjustment._descend(state, settings, 1e-6, map)
