@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from .geometry import Array
 from .ground.copies import paint_copies
 from .ground.drills import BERRIES, MAIZE, VINES, paint_drills
-from .ground.heights import CELL, height_map
+from .ground.heights import CELL, height_map, single_hill
 from .ground.lake import paint_lake
 from .ground.land import lay_out
 from .ground.orchard import raise_canopy, raise_orchard
@@ -149,6 +149,7 @@ RAISED: dict[str, Callable[[int, int, float], tuple[Image, Field]]] = {
     "barracks": lambda seed, size, gsd: raise_blocks(BARRACKS, seed, size, gsd),
     "suburb": raise_suburb,
     "standing": raise_standing,
+    "hill": lambda seed, size, gsd: (paint(lay_out(seed, size * gsd), seed, size, gsd), single_hill(size, gsd)),
 }  # grounds with a picture and the heights of the objects, on a plane
 LAKE = "lake"  # a plane with water and moving waves
 WOODS = "woods"  # crowns on a plane that sway in the wind

@@ -10,12 +10,20 @@ from .shapes import Land
 
 CELL = 4  # raster pixels per cell of the height map
 HIGHEST_HILL = 5.0  # metres: a twentieth of the default flying height
+HIGHEST_SINGLE, HILL_RADIUS = 25.0, 80.0  # metres: a quarter of it; one standard deviation of its bell
 
 
 def height_map(seed: int, land: Land, size: int, gsd: float) -> Field:
     """(size / CELL, size / CELL) metres: hills with buildings and trees; walls are one cell wide."""
     cells, cell = size // CELL, gsd * CELL
     return np.asarray(hills(np.random.default_rng([seed, 3]), cells, cell) + standing(land, size, gsd), np.float32)
+
+
+def single_hill(size: int, gsd: float) -> Field:
+    """(size / CELL, size / CELL) metres: one bare hill in the middle, 2.4 times as wide as high above it is flown."""
+    cells = size // CELL
+    off = (np.mgrid[0:cells, 0:cells].astype(np.float32) - (cells - 1) / 2) * np.float32(gsd * CELL / HILL_RADIUS)
+    return np.asarray(HIGHEST_SINGLE * np.exp(-(off**2).sum(axis=0) / 2), np.float32)
 
 
 def standing(land: Land, size: int, gsd: float) -> Field:

@@ -18,7 +18,9 @@ from gcs_mosaic.stitch.bundle.sighted_points import SightedPoints
 from gcs_mosaic.stitch.camera import projection
 
 ROUNDS = 4  # of reweighting; the third changes poses by less than a pixel
-SPREAD = 0.02  # half-diagonals: how far points lie off, as roofs and trees do, before they count less
+SPREAD = (
+    0.05  # half-diagonals: how far points lie off, as roofs and trees do, before they count less; 0.02 does as well
+)
 # Standard deviations of a drawn pose about the camera's own over the height of its ground, where few points say otherwise: place
 # in flying heights, log of the scale, heading, tilts.
 PLACE, ZOOM, TURN, TILT = 0.05, 0.05, 0.05, 0.1
