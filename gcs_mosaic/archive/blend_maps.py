@@ -16,6 +16,7 @@ from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.frame_cache import seen_by
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.camera.picture_area import filled
 
 
 def looked_at(
@@ -24,7 +25,9 @@ def looked_at(
     """The frames, with their blend maps. Raises FlightFailed if an original is gone."""
     how = config.reduction, config.frames.max_pixels, config.paint.canvas.blend
     tasks = [
-        task(blend_maps_of, one.frame.content_hash, kind.display, tuple(kind.dead), *how, hints=(one.frame.file,))
+        task(
+            blend_maps_of, one.frame.content_hash, kind.display, tuple(kind.dead), *how, hints=(one.frame.file, one.key)
+        )
         for one, kind in zip(frames, kinds, strict=True)
     ]
     engine.made("sights", tasks, TOGETHER)
@@ -40,10 +43,13 @@ def blend_maps_of(
     max_pixels: int,
     blend: str,
     file: SourceFile,
+    features: str,
 ) -> Parts:
-    """What a blend mode wants to know of a frame. Raises Passing if its original is gone, or another one."""
+    """What a blend mode wants to know of a frame. `features`: the key of those, which know where it holds a picture. Raises
+    Passing if its original is gone, or another one."""
     image = image_of(file, digest, reduction, max_pixels)
     if image is None:
         raise Passing(f"{file.name} cannot be decoded any more")
     border = DeadBorder(*dead)
-    return {"summary": None, "maps": seen_by(MODES[blend], display.picture(border.filled(image)), (display, border))}
+    ground = filled(image, border, artefacts.part(features, "places").area)
+    return {"summary": None, "maps": seen_by(MODES[blend], display.picture(ground), (display, border))}

@@ -107,6 +107,7 @@ def uncompensated(artefacts: Artefacts, one: BookedFrame) -> RenderItem:
         display=one.kind.display,
         dead=one.kind.dead,
         still=placement.still,
+        area=placement.area,
         level=0,
     )
 

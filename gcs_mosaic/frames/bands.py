@@ -41,6 +41,13 @@ def decode_bands(data: bytes) -> NDArray[Any]:
     compression other than Deflate, or more data than the page has pixels.
     """
     page = first_page(data)
+    bands = np.delete(decode_samples(data, page), page.transparent, axis=2)
+    native = bands.astype(bands.dtype.newbyteorder("="), copy=False)
+    return np.ascontiguousarray(native[..., ::-1] if native.shape[2] == 3 else native)
+
+
+def decode_samples(data: bytes, page: TiffPage) -> NDArray[Any]:
+    """All samples (height, width, samples) of a TIFF's first page, in the file's order. Raises StructureError as above."""
     kind = 1 if page.formats <= _COUNTS else min(page.formats) if len(page.formats) == 1 else 0
     if page.bits not in _BITS.get(kind, ()):
         said = {0: "several kinds of numbers", 1: "counts", _SIGNED: "counts with a sign", _FLOATS: "floats"}
@@ -57,9 +64,7 @@ def decode_bands(data: bytes) -> NDArray[Any]:
         raise StructureError("damaged: its data are not as many as its size says")
     if page.planar and image.ndim == 3:
         image = np.moveaxis(image, 0, -1)
-    bands = np.delete(image.reshape(page.height, page.width, page.samples), page.transparent, axis=2)
-    native = bands.astype(bands.dtype.newbyteorder("="), copy=False)
-    return np.ascontiguousarray(native[..., ::-1] if native.shape[2] == 3 else native)
+    return image.reshape(page.height, page.width, page.samples)
 
 
 def _refuse_bombs(data: bytes, page: TiffPage) -> None:

@@ -104,7 +104,7 @@ def number_scale(data: bytes) -> NumberScale | None:
     if isinstance(whole, NotWhole) or not data.startswith(_TIFF):
         return None
     try:
-        stored = _stored(data, whole, 1)
+        stored = stored_numbers(data, whole, 1)
         return None if stored is None else scale_of(stored)
     except (StructureError, cv2.error):
         return None
@@ -177,13 +177,13 @@ def _tiff_in_doubt(data: bytes, whole: Whole, reduction: int) -> Bands | None:
 
 def _decoded(data: bytes, whole: Whole, reduction: int) -> Bands | None:
     at_once = reduction if data.startswith(_JPEG) else 1
-    stored = _stored(data, whole, at_once)
+    stored = stored_numbers(data, whole, at_once)
     image = None if stored is None else counts_of(stored)
     return image if image is None or at_once == reduction else _reduced(image, reduction)
 
 
-def _stored(data: bytes, whole: Whole, reduction: int) -> NDArray[Any] | None:
-    """Numbers (h, w, bands) of any kind. Raises StructureError."""
+def stored_numbers(data: bytes, whole: Whole, reduction: int) -> NDArray[Any] | None:
+    """Of a whole file the numbers (h, w, bands) of any kind that it holds. Raises StructureError."""
     if needs_bands(data):
         return decode_bands(data)
     if data.startswith(_TIFF):

@@ -166,6 +166,7 @@ def _cut(painted: RenderItem, image: Bands, window: GroundWindow, reduction: flo
         reduction=reduction,
         dead=painted.dead,
         still=painted.still,
+        area=painted.area,
         heat=not one_band and is_brighter_where_warmer(some),
     )
 

@@ -13,6 +13,7 @@ from gcs_mosaic.render.dense_places import NOWHERE, STEP, between_steps, sampled
 from gcs_mosaic.stitch.arrays import Array, FloatImage, Lattice, Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 
@@ -63,6 +64,7 @@ class GroundLook:
     reduction: float = 1.0
     dead: DeadBorder = NO_BORDER
     still: StillMask | None = None
+    area: PictureArea | None = None
     heat: bool = False
 
 
@@ -161,6 +163,10 @@ def _seen(look: GroundLook, at: Lattice) -> Mask:
     seen = np.asarray(cv2.inRange(at, tuple(least.tolist()), tuple(most.tolist())) > 0)
     if look.still is not None and look.still.blocks.any():
         seen &= _uncovered(look.still, look, at)
+    if look.area is not None:
+        pixels = (at.reshape(-1, 2) + 0.5) * look.reduction + corner - 0.5
+        depth = look.area.depth(pixels, look.camera.width, look.camera.height)
+        seen &= depth.reshape(seen.shape) > 0
     return seen
 
 

@@ -66,6 +66,8 @@ def _is_alive(painted: RenderItem, scale: float, pixels: PointsNx2, thumbnail: L
     """Which pixels (n, 2) of a thumbnail, or places between them, depend on live pixels without an overlay only."""
     height, width = thumbnail.shape[:2]
     alive = painted.dead.scaled(1 / scale).spares(pixels, width, height)
+    if painted.area is not None:
+        alive &= painted.area.spares(pixels, width, height, 0.5)
     return alive if painted.still is None else alive & ~painted.still.covers(np.nan_to_num(pixels), width, height)
 
 

@@ -17,7 +17,7 @@ from gcs_mosaic.stitch.arrays import ImageBGR, ImageGrey, Planes, PlaneStack
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 
 Map = NDArray[np.float16]  # half the memory; three digits suffice
-Of = tuple[Display, DeadBorder]  # the fields of `RenderItem` that a look depends on
+Of = tuple[Display, DeadBorder]  # the fields of `RenderItem` that a look depends on and that may change
 
 # Size at which a frame is analysed: 6 px of a 12 MP frame are still 3.
 LOOK_PIXELS = 3_000_000

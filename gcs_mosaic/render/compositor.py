@@ -37,6 +37,7 @@ from gcs_mosaic.render.tile_grid import Tile, ancestor
 from gcs_mosaic.render.tile_maker import TileMaker
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.transaction import Kept, Snapshot
 
 logger = logging.getLogger(__name__)
@@ -147,9 +148,11 @@ class TileCompositor(Kept):
         told = made.keys() | self._lay_on_top(frame, picture, {**left, **dict.fromkeys(keys & self._behind.keys())})
         return self._refresh(told, {painted.island} | {island for island, _ in told})
 
-    def begin_look(self, name: str, image: Bands, display: Display, dead: DeadBorder) -> None:
+    def begin_look(
+        self, name: str, image: Bands, display: Display, dead: DeadBorder, area: PictureArea | None = None
+    ) -> None:
         """Begin to analyse, while it is being placed, an image that may follow by `paint`."""
-        self._frame_cache.begin_look(name, image, display, dead)
+        self._frame_cache.begin_look(name, image, (display, dead), area)
 
     def look(self, image: Bands, painted: RenderItem) -> None:
         """Analyse a frame that will follow by `move`, so that it need not be loaded for that. ValueError as in `paint`."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from gcs_mosaic.render.blend_maps import LOOK_PIXELS, BlendMaps, Of
 from gcs_mosaic.render.blend_modes import Mode
-from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.frame_warp import FrameWarp, frame_warp
 from gcs_mosaic.render.originals import LoadImage, OriginalsCache
 from gcs_mosaic.render.pixels import FramePicture, KeepBands, frame_picture
@@ -16,7 +15,7 @@ from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import Store
 from gcs_mosaic.render.warp import shrunk
 from gcs_mosaic.stitch.arrays import Bands, ImageBGR
-from gcs_mosaic.stitch.camera.dead_border import DeadBorder
+from gcs_mosaic.stitch.camera.picture_area import PictureArea, filled
 
 LOOKS_AHEAD = 2  # frames analysed in the background while others are placed
 WARPED_TOGETHER = 8  # frames whose lattices are computed in parallel
@@ -85,14 +84,12 @@ class FrameCache:
         if self._mode.look is not None:
             self._looking[painted.name] = self._pool.submit(self._looked, painted, picture)
 
-    def begin_look(self, name: str, image: Bands, display: Display, dead: DeadBorder) -> None:
+    def begin_look(self, name: str, image: Bands, of: Of, area: PictureArea | None = None) -> None:
         """Begin to analyse a frame that may be painted next, in the background; nothing is kept if it is not."""
         self._begun = None
+        display, dead = of
         if self._mode.look is not None and display.fits(image):
-            self._begun = (
-                name,
-                self._pool.submit(lambda: self._seen(display.picture(dead.filled(image)), (display, dead))),
-            )
+            self._begun = name, self._pool.submit(lambda: self._seen(display.picture(filled(image, dead, area)), of))
 
     def expect(self, name: str) -> None:
         """Begin to load the original that is needed next, in the background."""

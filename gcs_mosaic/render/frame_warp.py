@@ -99,4 +99,5 @@ def _lies_as(one: RenderItem, other: RenderItem) -> bool:
 
 
 def _lattice(painted: RenderItem) -> FrameLattice | None:
-    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, painted.dead, painted.still)
+    hidden = painted.dead, painted.still, painted.area
+    return frame_lattice(painted.pose, painted.camera, painted.level, painted.relief, *hidden)

@@ -19,6 +19,7 @@ from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.render.tone import FINE
 from gcs_mosaic.render.warp import tile_picture, times_each, upscale
 from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, ImageBGR, Lattice, Mask, Share, ToneShifts
+from gcs_mosaic.stitch.camera.picture_area import filled
 
 Place = tuple[slice, slice]
 
@@ -95,8 +96,9 @@ def frame_picture(image: Bands, painted: RenderItem, keep: KeepBands) -> FramePi
     if image.shape[:2] != size or not display.fits(image) or image.dtype not in (np.uint8, np.uint16):
         wanted = (*size, len(display.black))
         raise ValueError(f"{painted.name} is {image.shape} {image.dtype}; its camera makes {wanted} uint8 or uint16")
-    filled = painted.dead.filled(image)  # so that none of it is interpolated into neighbouring pixels
-    return FramePicture(display.picture(filled), None if keep == "none" else filled)
+    # So that nothing dead is interpolated into neighbouring pixels.
+    alive = filled(image, painted.dead, painted.area)
+    return FramePicture(display.picture(alive), None if keep == "none" else alive)
 
 
 def piece(

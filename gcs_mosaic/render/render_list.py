@@ -17,6 +17,7 @@ from gcs_mosaic.render.vignetting import FLAT, OUTWARDS, Vignetting, log_brightn
 from gcs_mosaic.stitch.arrays import FloatRows
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.transaction import Kept
@@ -30,8 +31,9 @@ INSET_LEVELS = 2  # maximum level difference of an inset: frames coarser than th
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderItem:
     """A frame as it is (to be) painted. `gain` multiplies each band above the display's black, `vignetting` is removed, `light`
-    applied; `dead` pixels of `camera`'s image are left out, those under an overlay (`still`) shown only where no other frame
-    sees the place; `level` is usually the one that suits the frame alone, see `warp_grid.resolved`."""
+    applied; `dead` pixels of `camera`'s image, and those outside of `area`, are left out, those under an overlay (`still`) shown
+    only where no other frame sees the place; `level` is usually the one that suits the frame alone, see
+    `warp_grid.resolved`."""
 
     name: str
     order: int  # capture order
@@ -45,6 +47,7 @@ class RenderItem:
     display: Display = PLAIN
     dead: DeadBorder = NO_BORDER
     still: StillMask | None = None
+    area: PictureArea | None = None
     level: int
 
     @property

@@ -25,6 +25,7 @@ from gcs_mosaic.render.vignetting import VignettingSettings
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, BorderWatch, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import reduced_view
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.extraction import Features, without_border
 from gcs_mosaic.stitch.features.shelf import Shelve
@@ -151,15 +152,16 @@ class RepaintQueue(Kept):
         dead = self._dead_of(_camera_of(image, aircraft))
         return without_border(features, dead.scaled(features.width / image.shape[1]))
 
-    def begin_look(self, name: str, image: Bands, aircraft: Aircraft = None) -> None:
+    def begin_look(self, name: str, image: Bands, aircraft: Aircraft = None, area: PictureArea | None = None) -> None:
         """Begin to analyse a frame's image while it is being placed."""
         camera = _camera_of(image, aircraft)
         display = self._ranges.known(image, camera)
         if self._live and display is not None:
-            self.canvas.begin_look(name, image, display, self._dead_of(camera))
+            self.canvas.begin_look(name, image, display, self._dead_of(camera), area)
 
     def paint_new(self, image: Bands, thumbnail: Bands, placement: Placement, order: int) -> set[TileKey]:
         """Paint a frame for the first time; returns the tiles that changed."""
+        ground = image if placement.area is None else placement.area.filled(image)
         pose, camera = reduced_view(placement.pose, placement.camera, image.shape[1], image.shape[0])
         whose = _camera_of(image, placement.aircraft)
         new = RenderItem(
@@ -171,11 +173,12 @@ class RepaintQueue(Kept):
             relief=placement.relief,
             dead=self._dead_of(whose),
             still=self._watch_overlay(whose, placement.still),
+            area=placement.area,
             level=0,  # until its level is chosen
         )
         beside = [self._painted[name] for name in placement.neighbours if name in self._painted]
-        new = replace(new, display=self._display_of(new, image, thumbnail, beside, whose))
-        new = replace(new, dead=self._watch_border(image, new.display.of_camera, whose))
+        new = replace(new, display=self._display_of(new, ground, thumbnail, beside, whose))
+        new = replace(new, dead=self._watch_border(ground, new.display.of_camera, whose))
         beside = [replace(one, display=self._ranges.of(one)) for one in beside]
         bright = self._brightness.settled(new, thumbnail, beside, placement.aircraft)
         painted = self._levels.settled(bright)

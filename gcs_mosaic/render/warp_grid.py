@@ -34,6 +34,7 @@ from gcs_mosaic.stitch.camera.geometry import (
     pixel_grid,
     pixels_from_canvas,
 )
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, as_seen, on_plane
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 
@@ -99,6 +100,7 @@ def frame_lattice(
     relief: ReliefDisplacement | None = None,
     dead: DeadBorder = NO_BORDER,
     still: StillMask | None = None,
+    area: PictureArea | None = None,
 ) -> FrameLattice | None:
     """The lattice of a frame at a level; None where it sees no ground. ValueError if the level is absurdly fine for it."""
     ground = useful_ground(pose, camera, relief)
@@ -109,9 +111,12 @@ def frame_lattice(
     _check_cost(camera, level, (last.x - first.x + 1) * (last.y - first.y + 1))
     pixels = _lattice_pixels(pose, camera, relief, first, last)
     detail = _frame_pixels_per_step(pixels) / LATTICE_STEP
-    weight = _border_weight(pixels, camera, dead, RIM * LATTICE_STEP * pixel_size(level) / best)
+    depth = None if area is None else _depth(pixels, camera, area)
+    weight = _border_weight(pixels, camera, dead, RIM * LATTICE_STEP * pixel_size(level) / best, depth)
     weight *= np.minimum(detail * (1 - RESOLUTION_LOSS), 1) ** 2
     useful = np.log(np.maximum(detail * USEFUL_RATIO * best / pixel_size(level), 0.1))
+    if depth is not None:  # in its own unit, so that zero lies between lattice points where the picture's edge does
+        useful = np.minimum(useful * np.float32(camera.width), depth)
     covered = None if still is None else _covered(pixels, camera, still)
     if covered is not None:
         weight *= 1 - covered
@@ -174,13 +179,22 @@ def _between(count: int) -> Matrix:
     return np.asarray(np.maximum(1 - np.abs(at - np.arange(count)), 0))
 
 
-def _border_weight(pixels: Lattice, camera: Camera, dead: DeadBorder, rim: float) -> Lattice:
-    """Distance to the nearest border of the live area, 0 up to `rim` px inside it, normalised to a maximum of 1."""
+def _border_weight(
+    pixels: Lattice, camera: Camera, dead: DeadBorder, rim: float, depth: Lattice | None = None
+) -> Lattice:
+    """Distance to the nearest border of the live area, 0 up to `rim` px inside it, normalised to a maximum of 1. `depth`: the
+    same to what holds no picture, px."""
     x, y, width, height = pixels[..., 0] + 0.5, pixels[..., 1] + 0.5, camera.width, camera.height
     from_sides = np.minimum(x - dead.left, width - dead.right - x), np.minimum(y - dead.top, height - dead.bottom - y)
-    distance = np.minimum(*from_sides) - rim
+    nearest = np.minimum(*from_sides)
+    distance = (nearest if depth is None else np.minimum(nearest, depth)) - rim
     most = max(min(width - dead.left - dead.right, height - dead.top - dead.bottom) / 2 - rim, 1.0)
     return np.asarray(np.clip(np.nan_to_num(distance, nan=0.0) / most, 0, 1), dtype=np.float32)
+
+
+def _depth(pixels: Lattice, camera: Camera, area: PictureArea) -> Lattice:
+    """How far the lattice points are from what holds no picture, in frame px; negative within it."""
+    return area.depth(pixels.reshape(-1, 2), camera.width, camera.height).reshape(pixels.shape[:2])
 
 
 def _covered(pixels: Lattice, camera: Camera, still: StillMask) -> Lattice:

@@ -21,6 +21,7 @@ from gcs_mosaic.render.tile_grid import FINEST_LEVEL
 from gcs_mosaic.render.vignetting import FLAT, Vignetting
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.graph.placement import Homography
@@ -44,10 +45,10 @@ EVENT_COLUMNS = (
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
 LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
-LOOK_COLUMNS = "gain, vignetting, display, dead_border, overlay, light"
-OVERLAY_SIZE = struct.Struct("<HH")  # rows and columns
+LOOK_COLUMNS = "gain, vignetting, display, dead_border, overlay, light, picture_area"
+BLOCKS_SIZE = struct.Struct("<HH")  # rows and columns
 # What a row may say; it may have been written by somebody else, and what follows from it is computed.
-LARGEST_OVERLAY = 1 << 20  # bytes of bits: 8 million blocks
+MOST_BLOCK_BYTES = 1 << 20  # bytes of bits: 8 million blocks
 MOST_PIXELS = 400_000_000  # of a frame, as `frames.integrity` takes them
 MOST_LOG_GSD = 50.0  # natural logarithm: far beyond what a canvas has room for
 SHIFT_BYTES = 8  # two numbers of four bytes at a node
@@ -234,7 +235,8 @@ def look_row(painted: RenderItem) -> tuple[object, ...]:
     gain, vignetting = (np.array(values, dtype="<f8").tobytes() for values in (painted.gain, painted.vignetting))
     dead = json.dumps([int(lines) for lines in painted.dead])
     light = None if painted.light is None else painted.light.logs
-    return gain, vignetting, json.dumps(asdict(painted.display)), dead, _overlay(painted.still), light
+    masks = _blocks_row(painted.still), _blocks_row(painted.area)
+    return gain, vignetting, json.dumps(asdict(painted.display)), dead, masks[0], light, masks[1]
 
 
 def vignetting_of(row: sqlite3.Row) -> Vignetting:
@@ -264,23 +266,32 @@ def dead_border_of(row: sqlite3.Row) -> DeadBorder:
     return NO_BORDER if stored is None else DeadBorder(*json.loads(stored))
 
 
-def _overlay(still: StillMask | None) -> bytes | None:
-    return None if still is None else zlib.compress(OVERLAY_SIZE.pack(still.rows, still.columns) + still.bits)
+def _blocks_row(mask: StillMask | PictureArea | None) -> bytes | None:
+    return None if mask is None else zlib.compress(BLOCKS_SIZE.pack(mask.rows, mask.columns) + mask.bits)
 
 
 def overlay_of(row: sqlite3.Row) -> StillMask | None:
     """Also for ledgers older than this column."""
     stored = row["overlay"] if "overlay" in row.keys() else None  # noqa: SIM118 -- `in` on a row searches its values
-    if stored is None:
-        return None
-    data = zlib.decompressobj().decompress(stored, LARGEST_OVERLAY)
-    if len(data) < OVERLAY_SIZE.size:
-        raise ValueError(f"not an overlay: {len(data)} bytes")
-    rows, columns = OVERLAY_SIZE.unpack_from(data)
-    bits = data[OVERLAY_SIZE.size :]
-    if len(bits) != -(-rows * columns // 8):
-        raise ValueError(f"not an overlay of {rows} x {columns} blocks: {len(bits)} bytes")
-    return StillMask(rows, columns, bits)
+    return None if stored is None else StillMask(*_blocks_of(stored, "an overlay"))
+
+
+def picture_area_of(row: sqlite3.Row) -> PictureArea | None:
+    """Also for ledgers older than this column."""
+    stored = row["picture_area"] if "picture_area" in row.keys() else None  # noqa: SIM118 -- as above
+    return None if stored is None else PictureArea(*_blocks_of(stored, "the area of a picture"))
+
+
+def _blocks_of(stored: bytes, what: str) -> tuple[int, int, bytes]:
+    """Rows, columns and bits. Raises ValueError."""
+    data = zlib.decompressobj().decompress(stored, MOST_BLOCK_BYTES)
+    if len(data) < BLOCKS_SIZE.size:
+        raise ValueError(f"not {what}: {len(data)} bytes")
+    rows, columns = BLOCKS_SIZE.unpack_from(data)
+    bits = data[BLOCKS_SIZE.size :]
+    if len(bits) != -(-rows * columns // 8) or not bits:
+        raise ValueError(f"not {what} of {rows} x {columns} blocks: {len(bits)} bytes")
+    return rows, columns, bits
 
 
 def gain_of(row: sqlite3.Row) -> tuple[float, ...]:
@@ -371,6 +382,7 @@ def painted_of(row: sqlite3.Row) -> RenderItem:
         display=display_of(row),
         dead=dead_border_of(row),
         still=overlay_of(row),
+        area=picture_area_of(row),
         level=level_of(row),
     )
 

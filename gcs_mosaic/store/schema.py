@@ -12,7 +12,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files, refuse_strange_schema
 
-VERSION = 16  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 17  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -124,6 +124,7 @@ CREATE TABLE painted (
     dead_border TEXT, -- left, top, right, bottom, JSON
     overlay BLOB, -- what covers the ground: deflated rows and columns, 16 bits each, little-endian, then bits by row
     light BLOB, -- log factors at 8 x 6 nodes, by row, column and band: signed bytes, 1/128
+    picture_area BLOB, -- where the frame holds a picture, as `overlay`; NULL: everywhere
     relief_columns INTEGER, relief_rows INTEGER, relief_shifts BLOB
 );
 CREATE INDEX painted_by_island ON painted (island, "order");
@@ -182,6 +183,7 @@ ALTER TABLE painted DROP COLUMN gain_r;
     13: OTHER_FILES,
     14: RECORDED,
     15: "ALTER TABLE painted ADD COLUMN light BLOB;",
+    16: "ALTER TABLE painted ADD COLUMN picture_area BLOB;",
 }
 
 

@@ -117,4 +117,8 @@ def _seen(painted: RenderItem, at: Lattice, image: Bands) -> Mask:
     low, high = painted.dead.limits(painted.camera.width, painted.camera.height)
     least = tuple((np.array(low) + 0.5) * per_pixel - 0.5)
     most = tuple((np.array(high) + 0.5) * per_pixel - 0.5)
-    return np.asarray(cv2.inRange(at, least, most) > 0)
+    seen = np.asarray(cv2.inRange(at, least, most) > 0)
+    if painted.area is None:
+        return seen
+    depth = painted.area.depth(at.reshape(-1, 2), image.shape[1], image.shape[0])
+    return np.asarray(seen & (depth.reshape(seen.shape) > 0))

@@ -80,11 +80,19 @@ def _looks(ledger: Ledger, number: int, painted: RenderItem, pixel: PointsNx2) -
         size = own.width or painted.camera.width, own.height or painted.camera.height
         scale = size[0] / painted.camera.width
         dead = [lines * scale for lines in painted.dead]
-        yield from _look(number, own, size, _original(pixel, scale), gsd / scale, dead)
+        deep = _depth(painted, pixel) * scale
+        yield from _look(number, own, size, _original(pixel, scale), gsd / scale, dead, deep)
         for hidden, other, keyframe_from_frame in ledger.covered_by(number):
             size = other.width or size[0], other.height or size[1]
             seen = _original(_mapped(np.linalg.inv(np.array(keyframe_from_frame)), pixel), scale)
             yield from _look(hidden, other, size, seen, gsd / scale, None)
+
+
+def _depth(painted: RenderItem, pixel: PointsNx2) -> float:
+    """How far a pixel (1, 2) is from what holds no picture, px; infinite where all does."""
+    if painted.area is None:
+        return np.inf
+    return float(painted.area.depth(pixel, painted.camera.width, painted.camera.height)[0])
 
 
 def _look(
@@ -94,10 +102,11 @@ def _look(
     pixel: PointsNx2,
     canvas_per_px: float,
     dead: Sequence[float] | None,
+    deep: float = np.inf,
 ) -> Iterator[Sighting]:
     (x, y), (width, height) = pixel[0].tolist(), size
     left, top, right, bottom = dead or (0.0, 0.0, 0.0, 0.0)
-    border = min(x + 0.5 - left, y + 0.5 - top, width - right - 0.5 - x, height - bottom - 0.5 - y)
+    border = min(x + 0.5 - left, y + 0.5 - top, width - right - 0.5 - x, height - bottom - 0.5 - y, deep)
     if border > 0:  # NaN is outside too
         yield Sighting(
             number=number,

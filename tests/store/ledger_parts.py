@@ -9,6 +9,7 @@ from gcs_mosaic.render.light_field import COLUMNS, ROWS, LightField
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import Estimate
@@ -74,6 +75,7 @@ def a_painted(name: str = "a.jpg", order: int = 0, island: int = 0, focal: float
         light=LightField(bytes(range(COLUMNS * ROWS * 3))),
         dead=DeadBorder(0, 12, 1, 13),
         still=StillMask(2, 9, bytes([3, 128, 192])),
+        area=PictureArea(3, 4, bytes([254, 48])),
         level=16,
     )
 

@@ -59,6 +59,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
     old.executescript("ALTER TABLE painted DROP COLUMN gain; ALTER TABLE painted DROP COLUMN vignetting;")
     old.executescript("ALTER TABLE painted DROP COLUMN dead_border; DROP TABLE covered; DROP TABLE recorded;")
     old.executescript("ALTER TABLE painted DROP COLUMN overlay; ALTER TABLE painted DROP COLUMN light;")
+    old.execute("ALTER TABLE painted DROP COLUMN picture_area")
     old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
     old.execute("ALTER TABLE frames DROP COLUMN sharpness")
@@ -68,7 +69,7 @@ def test_a_ledger_with_three_gains_is_read_and_migrated(tmp_path: Path, read_onl
     old.close()
     with Ledger(path, read_only=read_only) as ledger:
         assert ledger.painted(painted.island) == [
-            replace(painted, vignetting=FLAT, light=None, dead=NO_BORDER, still=None)
+            replace(painted, vignetting=FLAT, light=None, dead=NO_BORDER, still=None, area=None)
         ]
         canvas = CompositorSettings(blend="edge")  # the only way to mix frames that those versions had by default
         assert ledger.flight() == FlightRecord(name="old", started_utc=1.0, canvas=canvas)
@@ -97,6 +98,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
         ledger.settle_event(ledger.record_event(event), EventState.MATCHED, frame="b.jpg")
     old = sqlite3.connect(path)
     old.executescript("ALTER TABLE painted DROP COLUMN overlay; ALTER TABLE painted DROP COLUMN light;")
+    old.execute("ALTER TABLE painted DROP COLUMN picture_area")
     old.execute("ALTER TABLE estimates DROP COLUMN focal_log_deviation")
     old.execute("ALTER TABLE frames DROP COLUMN vehicle")
     old.executescript("DROP TABLE covered; DROP TABLE recorded;")
@@ -123,6 +125,7 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 
 # What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
 BEFORE = {
+    17: "ALTER TABLE painted DROP COLUMN picture_area;",
     16: "ALTER TABLE painted DROP COLUMN light;",
     15: "DROP TABLE recorded;",
     14: "DROP TABLE other_files;",
@@ -157,7 +160,7 @@ def a_ledger_of(version: int, path: Path) -> None:
         ledger.settle_frame("a.jpg", FrameState.PLACED)
         ledger.settle_event(ledger.record_event(an_event()), EventState.MATCHED, frame="a.jpg")
         ledger.record_estimates([an_estimate(Pose(1.0, 2.0, 0.5))])
-        ledger.record_painted(replace(a_painted(), vignetting=FLAT, light=None, dead=NO_BORDER, still=None))
+        ledger.record_painted(replace(a_painted(), vignetting=FLAT, light=None, dead=NO_BORDER, still=None, area=None))
         ledger.record_notice(Notice(source="test", level="info", text="told"), 1.0)
     old = sqlite3.connect(path)
     for later in range(VERSION, version, -1):
@@ -183,7 +186,9 @@ def test_a_ledger_of_each_earlier_version_is_read_and_migrated(tmp_path: Path, v
         assert sure(ledger.flight()).name == "old"
         assert [(frame.name, frame.state, frame.had_event) for frame in ledger.frames()] == [("a.jpg", "placed", True)]
         assert ledger.estimates() == [an_estimate(Pose(1.0, 2.0, 0.5))]
-        assert ledger.painted(0) == [replace(a_painted(), vignetting=FLAT, light=None, dead=NO_BORDER, still=None)]
+        assert ledger.painted(0) == [
+            replace(a_painted(), vignetting=FLAT, light=None, dead=NO_BORDER, still=None, area=None)
+        ]
         assert [notice.text for notice in ledger.notices()] == ["told"]
         assert ledger.rows("PRAGMA foreign_key_check") == []
         assert ledger.rows("PRAGMA user_version")[0][0] == (version if read_only else VERSION)

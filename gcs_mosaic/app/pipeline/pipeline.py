@@ -241,7 +241,7 @@ class Pipeline(Kept):
         self.store.note_measured(name, (seen.width, seen.height), seen.sharpness)
         start = time.perf_counter()
         aircraft = self._camera_of(prepared.frame)
-        self._renderer.begin_look(name, prepared.image, aircraft)
+        self._renderer.begin_look(name, prepared.image, aircraft, prepared.features.area)
         with stage("place", name):
             in_sight = self._renderer.in_sight(prepared.features, prepared.image, aircraft)
             outcome = self.mosaic.place(in_sight, name, self.store.order_of(name), aircraft)

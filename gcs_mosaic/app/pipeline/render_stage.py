@@ -123,7 +123,8 @@ class RenderStage(Kept):
             with transaction(self._whole):
                 image = self._load_original(name)
                 if image is not None:
-                    self._paint_new(placement, image, thumbnail(image))
+                    ground = image if placement.area is None else placement.area.filled(image)
+                    self._paint_new(placement, image, thumbnail(ground))
                     return
         except Exception as error:
             logger.exception("%s could not be painted", name)

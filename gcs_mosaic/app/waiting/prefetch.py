@@ -14,10 +14,13 @@ from typing import Protocol
 from gcs_mosaic.app.waiting.turns import AHEAD, AsTheyCame, Turns
 from gcs_mosaic.frames.decode import Unreadable, load_frame
 from gcs_mosaic.frames.decoding.decoders import Decoders
+from gcs_mosaic.frames.nodata import told_picture
 from gcs_mosaic.messages import Frame
 from gcs_mosaic.stitch.arrays import Bands
 from gcs_mosaic.stitch.camera.bands import resized
-from gcs_mosaic.stitch.features.extraction import Features
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
+from gcs_mosaic.stitch.features.extraction import Features, within
+from gcs_mosaic.stitch.features.wedges import area_of
 from gcs_mosaic.store.stages import stage
 
 logger = logging.getLogger(__name__)
@@ -99,16 +102,22 @@ def prepare_or_raise(
     if isinstance(image, Unreadable):
         return UndecodableFrame(frame, image.reason, image.passing)
     if known is not None:
-        return DecodedFrame(frame, image, known, thumbnail(image), {"decode": time.perf_counter() - start})
+        small = thumbnail(_ground(image, known.area))
+        return DecodedFrame(frame, image, known, small, {"decode": time.perf_counter() - start})
     finer = finer_reduction(image.shape[0] * image.shape[1], reduction, least_pixels)
     looked_at = image if finer == reduction else load(frame, reduction=finer)
     if isinstance(looked_at, Unreadable):
         return UndecodableFrame(frame, looked_at.reason, looked_at.passing)
     decoded = time.perf_counter()
     with stage("features", frame.name):
-        features = find(looked_at, reduction=finer)
+        area = area_of(looked_at, told_picture(frame, looked_at))
+        features = within(find(_ground(looked_at, area), reduction=finer), area)
     seconds = {"decode": decoded - start, "features": time.perf_counter() - decoded}
-    return DecodedFrame(frame, image, features, thumbnail(image), seconds)
+    return DecodedFrame(frame, image, features, thumbnail(_ground(image, area)), seconds)
+
+
+def _ground(image: Bands, area: PictureArea | None) -> Bands:
+    return image if area is None else area.filled(image)
 
 
 def finer_reduction(pixels: int, reduction: int, least_pixels: float) -> int:

@@ -32,6 +32,7 @@ from gcs_mosaic.stitch.arrays import (
 )
 from gcs_mosaic.stitch.camera.bands import resized, stretched
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER, DeadBorder
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect, rounded
 from gcs_mosaic.stitch.features.faint import HALF, detect_faint, equalised, faint_picture, is_noise
@@ -89,6 +90,7 @@ class Features:
     still: StillMask | None = None
     learned: Features | None = None  # of a model, if one is given: where these propose nothing
     shows_nothing: bool = False  # see `structure`; then there are none
+    area: PictureArea | None = None  # where the frame holds a picture, and features are; None: everywhere
 
     def __len__(self) -> int:
         return self.kept_points.shape[0]
@@ -192,7 +194,7 @@ def faint_features(standing_out: Band, frame: Features, settings: FeatureSetting
     found = detect_faint(standing_out, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, frame.width, frame.height, frame.scale)
     features = replace(features, sharpness=frame.sharpness, kept_texture=frame.kept_texture, is_faint=True)
-    return without_border(features, frame.dead)
+    return within(without_border(features, frame.dead), frame.area)
 
 
 def joined(one: Features, other: Features) -> Features:
@@ -209,6 +211,17 @@ def without_border(features: Features, dead: DeadBorder) -> Features:
         return features
     kept = dead.spares(features.points, features.width, features.height, REACH * features.scale)
     return replace(_chosen(features, kept), dead=dead)
+
+
+def within(features: Features, area: PictureArea | None) -> Features:
+    """Features whose support lies within what a frame holds of a picture, and a texture that is 0 outside of it."""
+    if area is None:
+        return features
+    kept = area.spares(features.points, features.width, features.height, REACH * features.scale)
+    learned, texture = features.learned, None if features.kept_texture is None else at_hand(features.kept_texture)
+    texture = None if texture is None else np.where(area.pixels(*texture.shape), texture, np.int8(0))
+    learned = None if learned is None else within(learned, area)
+    return replace(_chosen(features, kept), area=area, learned=learned, kept_texture=texture)
 
 
 def without_overlay(features: Features, still: StillMask) -> Features:

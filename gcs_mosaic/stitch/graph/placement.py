@@ -9,6 +9,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import Matrix3x3
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
+from gcs_mosaic.stitch.camera.picture_area import PictureArea
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
@@ -36,6 +37,7 @@ class Placement:
     homography: Homography | None = None
     aircraft: int | None = None  # that carried the camera, where several are told apart
     still: StillMask | None = None  # what an overlay covers in its picture, as far as that is known
+    area: PictureArea | None = None  # where it holds a picture; None: everywhere
     focal_log_deviation: float | None = (
         None  # standard deviation of the log of its focal length; None while not estimated
     )
@@ -96,5 +98,6 @@ def placement_of(graph: ViewGraph, frame: int) -> Placement:
         corner_deviation_px=state.corner_deviation_px,
         aircraft=graph.aircraft_of[state.camera],
         still=state.features.still,
+        area=state.features.area,
         focal_log_deviation=graph.lenses[graph.island_of(frame), state.camera].focal_log_deviation,
     )

@@ -102,6 +102,8 @@ class Covering:
     def _may_cover(self, features: Features, other: int) -> bool:
         """Whether a placed frame is from the same camera (another may show different things) and not clearly less sharp."""
         placed = self._graph.frames[other].features
+        if placed.area is not None:  # what it shows is less than its frame
+            return False
         same = (placed.width, placed.height) == (features.width, features.height)
         same &= self._graph.aircraft_of[self._graph.frames[other].camera] == self._graph.aircraft
         return same and features.sharpness <= self._settings.most_sharper * placed.sharpness

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, with_overlay, without_border
+from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, with_overlay, within, without_border
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph
 from gcs_mosaic.stitch.registration.outcome import NO_MATCHES, Registration
@@ -99,7 +99,7 @@ class SecondLook:
         found = self._finer(known.name)
         if found is None or (found.width, found.height) != (known.features.width, known.features.height):
             return None
-        found = without_border(found, known.features.dead)
+        found = within(without_border(found, known.features.dead), known.features.area)
         return found if known.features.still is None else with_overlay(found, known.features.still)
 
     @property

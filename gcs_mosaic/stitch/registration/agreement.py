@@ -277,13 +277,15 @@ class _Side:
 
     @cached_property
     def mask(self) -> FloatImage:
-        """1 where it shows ground, 0 on its dead border and under an overlay."""
+        """1 where it shows ground, 0 on its dead border, where it holds no picture, and under an overlay."""
         mask, (height, width) = np.ones(self.shape, np.float32), self.shape
         dead = self._frame.dead.scaled(width / self._frame.width)
         mask[: dead.top], mask[height - dead.bottom :] = 0, 0
         mask[:, : dead.left], mask[:, width - dead.right :] = 0, 0
         if self._frame.still is not None:
             mask[self._frame.still.pixels(height, width)] = 0
+        if self._frame.area is not None:
+            mask[~self._frame.area.pixels(height, width)] = 0
         return mask
 
     @cached_property
