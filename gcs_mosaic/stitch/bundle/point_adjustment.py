@@ -38,6 +38,7 @@ from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.projection import LENS_TERMS
 
 PATCH = 0.25  # flying heights: side of a piece of ground that has one height, as far as the prior counts them
+FEWEST_FRAMES = 6  # of fewer, most points are seen by two alone, whose heights any tilt explains
 FEWEST = 10  # sightings of each frame
 MOST_OFF = 10.0  # loss scales: a sighting farther off is of something else, or of nothing
 SETTLING = 2  # steps of the points alone after each step
@@ -81,7 +82,7 @@ def grounded(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings
 
 
 def _hold_together(seen: SightedPoints, frames: int) -> bool:
-    if not len(seen.row) or (np.bincount(seen.row, minlength=frames) < FEWEST).any():
+    if frames < FEWEST_FRAMES or not len(seen.row) or (np.bincount(seen.row, minlength=frames) < FEWEST).any():
         return False
     one, other = seen.pairs().T
     links = sparse.coo_matrix((np.ones(len(one), np.int8), (one, other)), shape=(frames, frames))

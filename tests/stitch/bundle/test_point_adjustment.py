@@ -8,7 +8,7 @@ from sighted_hills import CAMERA, HEIGHT, LENS, flat, hill, sighted, survey
 
 from gcs_mosaic.stitch.arrays import Array, Mask
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
-from gcs_mosaic.stitch.bundle.point_adjustment import FEWEST, grounded
+from gcs_mosaic.stitch.bundle.point_adjustment import FEWEST, FEWEST_FRAMES, grounded
 from gcs_mosaic.stitch.bundle.sighted_points import SightedPoints
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import similarity_between
@@ -102,3 +102,8 @@ def test_an_island_stays_over_the_plane_where_no_point_ties_its_parts_together()
 def test_an_island_without_points_stays_over_the_plane() -> None:
     problem, seen, _ = sighted(survey(9), hill, 9)
     assert grounded(problem, only(seen, np.zeros(len(seen.row), bool)), SETTINGS) is None
+
+
+def test_a_few_frames_stay_over_the_plane() -> None:
+    problem, seen, _ = sighted(survey(10, lines=1, per_line=FEWEST_FRAMES - 1), hill, 10)
+    assert grounded(problem, seen, SETTINGS) is None
