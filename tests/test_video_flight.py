@@ -98,7 +98,7 @@ def test_a_flight_of_a_video_is_right_whole_and_laid_by_its_subtitles(film: Path
     assert set(states(out).values()) == {FrameState.PLACED}
     assert len(states(out)) >= 12
     _agrees_with_the_path(placements(out))
-    assert_explained(out, tmp_path / "scratch", fewest=8)
+    assert_explained(out, tmp_path / "scratch", fewest=12)
     laid = run("anchor", "map", cwd=tmp_path)
     assert "positions" in laid.stdout, laid.stdout + laid.stderr
     exported = run("export", "map", "--format", "geojson", "--to", "map.geojson", cwd=tmp_path)

@@ -18,7 +18,7 @@ from gcs_mosaic.stitch.bundle.normal_equations import Run
 from gcs_mosaic.stitch.bundle.other_plane import other_poses
 from gcs_mosaic.stitch.bundle.point_adjustment import Grounded, grounded
 from gcs_mosaic.stitch.bundle.problem import POSE, Problem
-from gcs_mosaic.stitch.bundle.relief import MatchedPoints, displacements, matched, note_relief, sightings
+from gcs_mosaic.stitch.bundle.relief import MatchedPoints, Sightings, displacements, matched, note_relief, sightings
 from gcs_mosaic.stitch.bundle.sighted_points import well_spread
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import projection
@@ -111,7 +111,8 @@ def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
     `normal_equations.solve`."""
     solution = _over_likelier_plane(task, adjust(task.problem, task.settings, run), run)
     certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px, run)
-    found = _over_points(task, solution, run)
+    seen = None if task.matches is None else sightings(task.matches)
+    found = _over_points(task, solution, seen, run)
     return AdjustedIsland(
         poses=found.drawn,
         lenses=found.lenses,
@@ -119,16 +120,16 @@ def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
         lens_refused=solution.refused & (found.lenses == solution.lenses).all(axis=1),
         residuals=_residuals_by_frame(task.problem, solution.residuals_px),
         deviations_px=certainty.deviations_px,
-        reliefs=_reliefs(task, found),
+        reliefs=_reliefs(task, found, seen),
     )
 
 
-def _over_points(task: IslandTask, solution: Solution, run: Run) -> Grounded:
+def _over_points(task: IslandTask, solution: Solution, seen: Sightings | None, run: Run) -> Grounded:
     """The island adjusted over points with heights, or as it lies over the plane if its matches do not suffice."""
     over_plane = Grounded(solution.poses, solution.lenses, solution.poses)
-    if task.matches is None:
+    if seen is None:
         return over_plane
-    problem, seen = replace(task.problem, poses=solution.poses, lenses=solution.lenses), sightings(task.matches)
+    problem = replace(task.problem, poses=solution.poses, lenses=solution.lenses)
     centres = np.array([camera.centre for camera in task.cameras])
     camera = problem.camera[seen.row]
     pixels = (seen.pixels - centres[camera]) / problem.half_diagonal[camera, None]
@@ -155,8 +156,8 @@ def _over_likelier_plane(task: IslandTask, found: Solution, run: Run) -> Solutio
     return other if costs[1] < LIKELIER * costs[0] else found
 
 
-def _reliefs(task: IslandTask, found: Grounded) -> list[ReliefDisplacement | None]:
-    if task.matches is None:
+def _reliefs(task: IslandTask, found: Grounded, seen: Sightings | None) -> list[ReliefDisplacement | None]:
+    if seen is None:
         return [None] * len(task.members)
     cameras = [with_lens(camera, lens) for camera, lens in zip(task.cameras, found.lenses, strict=True)]
     of_frames = [cameras[camera] for camera in task.problem.camera]
@@ -164,7 +165,7 @@ def _reliefs(task: IslandTask, found: Grounded) -> list[ReliefDisplacement | Non
         [(Pose(*pose), camera) for pose, camera in zip(poses.tolist(), of_frames, strict=True)]
         for poses in (found.poses, found.drawn)
     )
-    return displacements(sightings(task.matches), views, task.settings.relief, drawn=drawn)
+    return displacements(seen, views, task.settings.relief, drawn=drawn)
 
 
 def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:

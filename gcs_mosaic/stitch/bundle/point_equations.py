@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array, Indices, Matrices, Matrix, PointsNx2, RowsNx3, Vector
+from gcs_mosaic.stitch.arrays import AnyArray, Array, Indices, Matrices, Matrix, PointsNx2, RowsNx3, Vector
 from gcs_mosaic.stitch.bundle.elimination import BLOCK
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, add_priors
 from gcs_mosaic.stitch.bundle.normal_equations import EquationLayout, Normal, Run, blank, layout_of
@@ -28,10 +28,10 @@ LEAST_KNOWN = 1e-9  # added to a point's equations, relative to their trace: two
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """Adds values (k, ...) to places (s, ...): `order` (k,) brings those of one place together, which begin at `first` (p,) and
-    belong to `places` (p,)."""
+    """Adds values (k, ...) to places (s, ...): `order` (k,) brings those of one place together, None if they are; they begin at
+    `first` (p,) and belong to `places` (p,)."""
 
-    order: Indices
+    order: Indices | None
     first: Indices
     places: Indices
 
@@ -39,14 +39,18 @@ class Sums:
     def at(cls, places: Indices) -> Sums:
         """Of values that belong to these places (k,)."""
         order = np.argsort(places, kind="stable")
-        together = places[order]
-        first = np.flatnonzero(np.concatenate([[True], np.diff(together) != 0])[: len(places)])
-        return cls(order, first, together[first])
+        return replace(cls.at_sorted(places[order]), order=order)
+
+    @classmethod
+    def at_sorted(cls, places: Indices) -> Sums:
+        """Of values that belong to these places (k,), which ascend."""
+        first = np.flatnonzero(np.concatenate([[True], np.diff(places) != 0])[: len(places)])
+        return cls(None, first, places[first])
 
     def add(self, sums: Array, values: Array) -> None:
-        """Add values that are in order already."""
         if len(self.first):
-            sums[self.places] += np.add.reduceat(values, self.first, axis=0)
+            together = values if self.order is None else values[self.order]
+            sums[self.places] += np.add.reduceat(together, self.first, axis=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +58,8 @@ class SlotPairs:
     """Slots of whole points, `some`, and all pairs of them that share a point, in the order in which `blocks` adds them."""
 
     some: slice
-    one: Indices  # (k,) within these slots
-    other: Indices  # (k,)
+    one: AnyArray  # (k,) within these slots
+    other: AnyArray  # (k,)
     blocks: Sums  # to a `Normal`
     slopes: Sums  # of slots, to a gradient
 
@@ -107,8 +111,10 @@ def _pairs_of_slots(equations: EquationLayout, vertex: Indices, point: Indices) 
         one, other, first, second = one[upper], other[upper], first[upper], second[upper]
         places = first.copy()
         places[one != other] = equations.edges_between(first[one != other], second[one != other])
-        blocks = Sums.at(places)
-        yield SlotPairs(some, one[blocks.order], other[blocks.order], blocks, Sums.at(vertex[some]))
+        order = np.argsort(places, kind="stable")
+        # Narrow numbers: there are millions of them on a long flight.
+        sides = one[order].astype(np.int32), other[order].astype(np.int32)
+        yield SlotPairs(some, *sides, Sums.at_sorted(places[order]), Sums.at(vertex[some]))
         start = some.stop
 
 
@@ -248,10 +254,10 @@ def _add_sightings(normal: Normal, gradient: Matrix, layout: PointLayout, sighte
     shared = np.zeros((len(layout.vertex), BLOCK, 3))
     for slots, vertices, by in zip(layout.slots, layout.vertices, (sighted.by_pose, by_lens), strict=True):
         across = by.transpose(0, 2, 1)
-        slots.add(shared, (across @ sighted.by_point)[slots.order])
-        vertices.add(normal.blocks, (across @ by)[vertices.order])
-        vertices.add(gradient, (across @ sighted.residual[:, :, None])[vertices.order, :, 0])
-    layout.edges.add(normal.blocks, (sighted.by_pose.transpose(0, 2, 1) @ by_lens)[layout.edges.order])
+        slots.add(shared, across @ sighted.by_point)
+        vertices.add(normal.blocks, across @ by)
+        vertices.add(gradient, (across @ sighted.residual[:, :, None])[:, :, 0])
+    layout.edges.add(normal.blocks, sighted.by_pose.transpose(0, 2, 1) @ by_lens)
     return shared
 
 
@@ -262,5 +268,5 @@ def _eliminate(
     for pairs in layout.pairs:
         point, own = layout.point[pairs.some], shared[pairs.some]
         along = own @ inverse[point]
-        pairs.slopes.add(gradient, -(along @ slope[point][:, :, None])[pairs.slopes.order, :, 0])
+        pairs.slopes.add(gradient, -(along @ slope[point][:, :, None])[:, :, 0])
         pairs.blocks.add(normal.blocks, along[pairs.one] @ -own.transpose(0, 2, 1)[pairs.other])

@@ -8,7 +8,8 @@ from sighted_hills import CAMERA, HEIGHT, LENS, flat, hill, sighted, survey
 
 from gcs_mosaic.stitch.arrays import Array, Mask
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings
-from gcs_mosaic.stitch.bundle.point_adjustment import FEWEST, FEWEST_FRAMES, grounded
+from gcs_mosaic.stitch.bundle.point_adjustment import FEWEST, FEWEST_FRAMES, Grounded, grounded
+from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.bundle.sighted_points import SightedPoints
 from gcs_mosaic.stitch.camera import projection
 from gcs_mosaic.stitch.camera.geometry import similarity_between
@@ -35,12 +36,18 @@ def seen_places(poses: Array, lenses: Array, seen: SightedPoints) -> Array:
     return projection.canvas_from_pixels(poses[seen.row], lens, half, seen.pixels).points
 
 
+def held(problem: Problem, seen: SightedPoints, start: Array) -> Grounded:
+    """The frames adjusted from this start."""
+    found = grounded(replace(problem, poses=start), seen, SETTINGS)
+    assert found is not None, "its points hold it together"
+    return found
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_hill_bends_neither_the_map_nor_the_focal_length(seed: int) -> None:
     truth = survey(seed)
     problem, seen, _ = sighted(truth, hill, seed)
-    found = grounded(replace(problem, poses=rough(truth, seed)), seen, SETTINGS)
-    assert found is not None, "its points hold it together"
+    found = held(problem, seen, rough(truth, seed))
     assert abs(np.exp(found.lenses[0, 0]) / CAMERA.focal - 1) < 0.02
     assert places_apart(found.poses[:, :2], truth[:, :2]) < 0.004 * HEIGHT
 
@@ -49,9 +56,7 @@ def test_a_hill_bends_neither_the_map_nor_the_focal_length(seed: int) -> None:
 def test_what_frames_show_of_a_hill_is_drawn_where_it_is(seed: int) -> None:
     truth = survey(seed)
     problem, seen, points = sighted(truth, hill, seed)
-    found = grounded(replace(problem, poses=rough(truth, seed)), seen, SETTINGS)
-    assert found is not None, "its points hold it together"
-    true = points[seen.point, :2]
+    found, true = held(problem, seen, rough(truth, seed)), points[seen.point, :2]
     drawn = places_apart(seen_places(found.drawn, found.lenses, seen), true)
     assert drawn < 0.3 * places_apart(seen_places(truth, LENS[None], seen), true), (
         "the plane moves a hill's top outward"
@@ -61,8 +66,7 @@ def test_what_frames_show_of_a_hill_is_drawn_where_it_is(seed: int) -> None:
 def test_over_flat_ground_the_map_is_as_flat() -> None:
     truth = survey(5)
     problem, seen, points = sighted(truth, flat, 5)
-    found = grounded(replace(problem, poses=rough(truth, 5)), seen, SETTINGS)
-    assert found is not None, "its points hold it together"
+    found = held(problem, seen, rough(truth, 5))
     assert places_apart(seen_places(found.drawn, found.lenses, seen), points[seen.point, :2]) < 2.0
     scale = np.exp((found.drawn - found.poses)[:, 2])
     assert abs(scale - 1).max() < 0.005
@@ -73,8 +77,7 @@ def test_wrong_sightings_bend_nothing() -> None:
     problem, seen, _ = sighted(truth, hill, 6)
     lost = rng.random(len(seen.row)) < 0.05
     pixels = np.where(lost[:, None], rng.uniform(-0.6, 0.6, seen.pixels.shape), seen.pixels)
-    found = grounded(replace(problem, poses=rough(truth, 6)), replace(seen, pixels=pixels), SETTINGS)
-    assert found is not None, "its points hold it together"
+    found = held(problem, replace(seen, pixels=pixels), rough(truth, 6))
     assert abs(np.exp(found.lenses[0, 0]) / CAMERA.focal - 1) < 0.03
     assert places_apart(found.poses[:, :2], truth[:, :2]) < 0.006 * HEIGHT
 
@@ -107,3 +110,12 @@ def test_an_island_without_points_stays_over_the_plane() -> None:
 def test_a_few_frames_stay_over_the_plane() -> None:
     problem, seen, _ = sighted(survey(10, lines=1, per_line=FEWEST_FRAMES - 1), hill, 10)
     assert grounded(problem, seen, SETTINGS) is None
+
+
+def test_points_above_the_horizon_are_left_out_and_the_others_hold() -> None:
+    truth = survey(11)
+    problem, seen, _ = sighted(truth, hill, 11)
+    sky = seen.point < 5
+    pixels = np.where(sky[:, None], [100.0, 100.0], seen.pixels)
+    found = held(problem, replace(seen, pixels=pixels), rough(truth, 11))
+    assert abs(np.exp(found.lenses[0, 0]) / CAMERA.focal - 1) < 0.02

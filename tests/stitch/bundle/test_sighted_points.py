@@ -1,7 +1,9 @@
 """Of all tracks those are chosen that tie every pair of frames together evenly."""
 
 import numpy as np
+import pytest
 
+from gcs_mosaic.stitch.bundle import sighted_points
 from gcs_mosaic.stitch.bundle.sighted_points import (
     CELLS,
     MOST_SIGHTINGS,
@@ -46,6 +48,18 @@ def test_a_point_that_hundreds_see_is_taken_from_an_even_dozen() -> None:
     seen = well_spread(np.arange(frames), RNG.uniform(-0.5, 0.5, (frames, 2)), np.zeros(frames, np.intp))
     assert len(seen.row) == MOST_SIGHTINGS
     assert np.diff(seen.row).max() <= frames / MOST_SIGHTINGS + 1
+
+
+def test_frames_that_are_looked_through_in_parts_give_the_same_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    row, point = (some.ravel() for some in np.indices((40, 300)))
+    kept = RNG.random(len(row)) < 0.1
+    pixels = RNG.uniform(-0.5, 0.5, (kept.sum(), 2))
+    at_once = well_spread(row[kept], pixels, point[kept])
+    monkeypatch.setattr(sighted_points, "ROWS_AT_ONCE", 7)
+    in_parts = well_spread(row[kept], pixels, point[kept])
+    assert np.array_equal(at_once.row, in_parts.row)
+    assert np.array_equal(at_once.pixels, in_parts.pixels)
+    assert np.array_equal(at_once.pairs(), in_parts.pairs())
 
 
 def test_nothing_is_chosen_of_nothing() -> None:
