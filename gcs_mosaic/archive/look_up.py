@@ -15,9 +15,9 @@ from gcs_mosaic.archive.features import places_of, whole_features
 from gcs_mosaic.archive.pairs import KnownPairs, Pair, StoredRegistration
 from gcs_mosaic.stitch.arrays import Mask, Points32Nx2
 from gcs_mosaic.stitch.camera.dead_border import DeadBorder
-from gcs_mosaic.stitch.camera.geometry import Pose
+from gcs_mosaic.stitch.camera.geometry import Pose, View
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings, View
+from gcs_mosaic.stitch.graph.candidates import Search, SearchSettings
 from gcs_mosaic.stitch.graph.observer import Observer
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.confirmation import borne_out

@@ -20,7 +20,8 @@ from gcs_mosaic.archive.look_up import NumberedFrame
 from gcs_mosaic.archive.pairs import Pair, StoredRegistration
 from gcs_mosaic.archive.tasks import Parts, task
 from gcs_mosaic.stitch.arrays import FeaturePairsNx2
-from gcs_mosaic.stitch.bundle.relief import MatchedPoints, displacements, sightings
+from gcs_mosaic.stitch.bundle.matched_points import MatchedPoints, sightings
+from gcs_mosaic.stitch.bundle.relief import displacements
 from gcs_mosaic.stitch.camera.relief import ReliefSettings
 from gcs_mosaic.stitch.graph.placement import Placement
 from gcs_mosaic.stitch.registration.held_out import held_out

@@ -20,7 +20,8 @@ from gcs_mosaic.archive.stretches import KnownPair, joined, stretch, together
 from gcs_mosaic.archive.tasks import listed
 from gcs_mosaic.stitch.arrays import FloatRows
 from gcs_mosaic.stitch.bundle.island import island_task
-from gcs_mosaic.stitch.bundle.relief import displacements, matched, sightings
+from gcs_mosaic.stitch.bundle.matched_points import matched, sightings
+from gcs_mosaic.stitch.bundle.relief import displacements
 from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, similarity_between
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement

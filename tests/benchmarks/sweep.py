@@ -66,8 +66,9 @@ CONSTANTS = {
     "bundle.levenberg_marquardt": ("TILT_PRIOR_REACH", "EXPECTED_SIZE2", "MOST_EXCESS"),
     "bundle.lens": ("SHORTEST_FOCAL", "LONGEST_FOCAL", "MOST_BARREL", "MOST_PINCUSHION", "REACH", "DOUBT"),
     "bundle.relief_points": ("ROUNDS",),
-    "camera.relief": ("STEEPEST",),
-    "bundle.relief": ("FEWEST", "ROUNDS"),
+    "camera.relief": ("STEEPEST", "EVENED"),
+    "bundle.relief": ("FEWEST", "OUTERMOST"),
+    "bundle.elastic_sheet": ("ROUNDS",),
     "camera.geometry": ("HORIZON_COSINE", "LEAST_LIKENESS"),
 }
 

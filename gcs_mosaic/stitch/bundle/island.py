@@ -14,15 +14,23 @@ from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, Matrix, P
 from gcs_mosaic.stitch.bundle.certainty import note_adjusted
 from gcs_mosaic.stitch.bundle.lens import expected
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens, cost_of
+from gcs_mosaic.stitch.bundle.matched_points import MatchedPoints, Sightings, matched, sightings
 from gcs_mosaic.stitch.bundle.normal_equations import Run
 from gcs_mosaic.stitch.bundle.other_plane import other_poses
 from gcs_mosaic.stitch.bundle.point_adjustment import Grounded, grounded
 from gcs_mosaic.stitch.bundle.problem import POSE, Problem
-from gcs_mosaic.stitch.bundle.relief import MatchedPoints, Sightings, displacements, matched, note_relief, sightings
+from gcs_mosaic.stitch.bundle.relief import displacements, note_relief
 from gcs_mosaic.stitch.bundle.sighted_points import well_spread
 from gcs_mosaic.stitch.bundle.uncertainty import island_certainty, resected_deviation, variance_factor
 from gcs_mosaic.stitch.camera import projection
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, moved_by_similarity, similarity_between
+from gcs_mosaic.stitch.camera.geometry import (
+    Camera,
+    Pose,
+    View,
+    canvas_from_pixels,
+    moved_by_similarity,
+    similarity_between,
+)
 from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, ViewGraph
@@ -30,7 +38,6 @@ from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, ViewGraph
 logger = logging.getLogger(__name__)
 
 Key = tuple[int, int]
-View = tuple[Pose, Camera]
 
 
 def level_pose_over(camera: Camera, pixels: PointsNx2, places: PointsNx2) -> Pose:

@@ -104,7 +104,9 @@ def _first_points(problem: Problem, seen: SightedPoints, settings: AdjustmentSet
     down = projection.canvas_from_pixels(poses, problem.lenses[camera], half_diagonals, seen.pixels)
     deviations = np.exp(poses[:, 2]) * half_diagonals / problem.unit_px[camera] * settings.loss_px
     places = np.where(down.valid[:, None], down.points, np.nan)
-    return ground_points(places, down.by_height, deviations, seen.point, settings.relief.sigma * flying_height(problem))
+    sigma = settings.relief.sigma * flying_height(problem)
+    found = ground_points(places, down.by_height, deviations, seen.point, sigma)
+    return np.column_stack([found.places, found.heights])
 
 
 def _with_lens_prior(problem: Problem) -> Problem:

@@ -1,8 +1,9 @@
 """Relief displacement of each frame, from links and poses.
 
-Matched features become tracks, tracks become ground points, and a smooth grid of shifts absorbs the residuals between a frame's
-pose and where it sees those points. The poses stay fixed, and with them the shape of the map: the grid is an elastic sheet (a
-membrane that resists stretching, weakly tied to zero), so where a frame has no tracks it remains a camera over a plane.
+Matched features become tracks, and tracks points of the ground with heights. All points that a frame or those linked with it saw
+tell the heights of the ground under it, an elastic sheet over its grid, and so where on the map each node's ground belongs. What
+a frame still sees elsewhere than it should (its lens, a rolling shutter) a second, stiffer sheet takes up. The poses stay fixed,
+and with them the shape of the map: where nobody saw a point the ground is as high as the middle of what the frame sees.
 """
 
 from __future__ import annotations
@@ -11,82 +12,21 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy import sparse
 
-from gcs_mosaic.stitch.arrays import (
-    Counts,
-    FeaturePairsNx2,
-    IndexPairsNx2,
-    IndexRows,
-    Indices,
-    Matrix,
-    Points32Nx2,
-    PointsNx2,
-    ShiftGrid,
-    Vector,
-)
-from gcs_mosaic.stitch.bundle.relief_points import tracks, triangulate
+from gcs_mosaic.stitch.arrays import Indices, Mask, Matrix, PointsNx2, ShiftGrid, Vector
+from gcs_mosaic.stitch.bundle.elastic_sheet import Elasticity, fitted_sheet, grid_size, on_sheet
+from gcs_mosaic.stitch.bundle.matched_points import Sightings, matched, sightings
+from gcs_mosaic.stitch.bundle.relief_points import GroundPoints, ground_points
 from gcs_mosaic.stitch.camera import projection
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose, pixels_from_canvas
-from gcs_mosaic.stitch.camera.projection import lens_row, pose_row
+from gcs_mosaic.stitch.camera.geometry import Camera, View, pixel_grid, pixels_from_canvas
+from gcs_mosaic.stitch.camera.projection import Projected, lens_row, pose_row
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement, ReliefSettings
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 
-ROUNDS = 4  # of reweighting
 SIGHTINGS_AT_ONCE = 4096  # projected at a time: what fits into the cache
 FEWEST = 10  # points of a frame below which no grid is fitted
-
-
-@dataclass(frozen=True, slots=True)
-class MatchedPoints:
-    """All matches of p linked pairs among n frames, k in all, as stored; quick to gather. See `sightings`."""
-
-    pairs: IndexPairsNx2  # (p, 2) rows of the frames, 0 to n - 1
-    counts: Counts  # (p,) number of matches of each pair
-    features: FeaturePairsNx2  # (k, 2) feature index in either frame
-    points: Points32Nx2  # (f, 2) pixels of the features of all frames, frame by frame
-    lengths: Counts  # (n,) number of features of each frame
-    scales: Vector  # (n,) full-resolution pixels per pixel of the frame's feature picture
-
-
-@dataclass(frozen=True, slots=True)
-class Sightings:
-    """Observations of ground points by n frames, m in all."""
-
-    row: Indices  # (m,) the frame, 0 to n - 1
-    pixels: PointsNx2  # (m, 2)
-    point: Indices  # (m,)
-    scales: Vector  # (n,) as in `Matched`
-
-
-def matched(graph: ViewGraph, frames: Sequence[int], of: Sequence[int] | None = None) -> MatchedPoints | None:
-    """The matches of all links between these frames, or only of the links `of` some of them; None without links."""
-    row = {frame: number for number, frame in enumerate(frames)}
-    ends = {(f, o) for f in (of or frames) for o in graph.frames[f].inliers if o in row}
-    keys = sorted({(a, b) if (a, b) in graph.links else (b, a) for a, b in ends})
-    if not keys:
-        return None
-    matches = [graph.links[key].features for key in keys]
-    features = [graph.frames[frame].features for frame in frames]
-    return MatchedPoints(
-        pairs=np.array([(row[a], row[b]) for a, b in keys], dtype=np.intp),
-        counts=np.array([len(some) for some in matches], dtype=np.intp),
-        features=np.concatenate(matches),
-        points=np.concatenate([one.points for one in features]),
-        lengths=np.array([len(one) for one in features], dtype=np.intp),
-        scales=np.array([one.scale for one in features]),
-    )
-
-
-def sightings(matches: MatchedPoints) -> Sightings:
-    """Observations from matches: a feature matched in several pairs is one ground point."""
-    first = np.concatenate([[0], np.cumsum(matches.lengths)[:-1]])
-    ends = first[matches.pairs].repeat(matches.counts, axis=0) + matches.features
-    seen, nodes = np.unique(ends, return_inverse=True)
-    row = np.searchsorted(first, seen, side="right") - 1
-    found = tracks(nodes.reshape(-1, 2), row)
-    kept = seen[found.nodes]
-    return Sightings(row[found.nodes], matches.points[kept].astype(np.float64), found.track, matches.scales)
+OUTERMOST = 0.9  # of a frame's nodes: what the others would shift by height, at the horizon, tells nothing of the frame
 
 
 def note_relief(graph: ViewGraph, frame: int, settings: ReliefSettings) -> None:
@@ -99,10 +39,10 @@ def note_relief(graph: ViewGraph, frame: int, settings: ReliefSettings) -> None:
 
 def displacements(
     seen: Sightings,
-    views: Sequence[tuple[Pose, Camera]],
+    views: Sequence[View],
     settings: ReliefSettings,
     of: Sequence[int] | None = None,
-    drawn: Sequence[tuple[Pose, Camera]] | None = None,
+    drawn: Sequence[View] | None = None,
 ) -> list[ReliefDisplacement | None]:
     """Relief displacements of frames at these poses, for all rows or only rows `of`; `drawn`: of poses that they are drawn at
     instead of those that they see the ground from."""
@@ -110,38 +50,40 @@ def displacements(
     if settings.cells == 0:
         return [None] * len(rows)
     return [
-        displacement(*view, ground, settings)
-        for view, ground in zip(_chosen(drawn or views, rows), seen_ground(seen, views, settings, rows), strict=True)
+        _displacement(frame, settings) for frame in _frames_over_ground(seen, views, drawn or views, settings, rows)
     ]
 
 
 @dataclass(frozen=True, slots=True)
-class SeenGround:
-    """Ground points (m, 2) on the canvas that a frame sees at pixels (m, 2); `scale` as in `MatchedPoints`."""
+class FrameOverGround:
+    """A frame, the points of the ground that it sees at pixels (m, 2), and those of the frames around it; `scale` as in
+    `MatchedPoints`."""
 
+    view: View
+    drawn: View
     scale: float
     pixels: PointsNx2
-    points: PointsNx2
+    own: GroundPoints
+    around: GroundPoints
 
 
-def seen_ground(
-    seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings, rows: Sequence[int]
-) -> Iterator[SeenGround]:
-    """What each of these frames sees of the ground, at these poses of all frames."""
+def _frames_over_ground(
+    seen: Sightings, views: Sequence[View], drawn: Sequence[View], settings: ReliefSettings, rows: Sequence[int]
+) -> Iterator[FrameOverGround]:
     points = _points(seen, views, settings)
     order = np.argsort(seen.row, kind="stable")
     ends = np.searchsorted(seen.row[order], np.arange(len(views) + 1))
+    around = PointsAround(seen, len(views))
     for row in rows:
         own = order[ends[row] : ends[row + 1]]
-        yield SeenGround(float(seen.scales[row]), seen.pixels[own], points[seen.point[own]])
+        yield FrameOverGround(
+            *(views[row], drawn[row], float(seen.scales[row]), seen.pixels[own]),
+            *(points.some(seen.point[own]), points.some(around(row))),
+        )
 
 
-def _chosen(views: Sequence[tuple[Pose, Camera]], rows: Sequence[int]) -> Iterator[tuple[Pose, Camera]]:
-    return (views[row] for row in rows)
-
-
-def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: ReliefSettings) -> PointsNx2:
-    """Canvas places (t, 2) of the points; NaN for one seen above the horizon."""
+def _points(seen: Sightings, views: Sequence[View], settings: ReliefSettings) -> GroundPoints:
+    """The points (t); NaN for one seen above the horizon."""
     poses = np.array([pose_row(pose) for pose, _ in views])
     lenses = np.array([lens_row(camera) for _, camera in views])
     half = np.array([camera.half_diagonal for _, camera in views])
@@ -155,68 +97,99 @@ def _points(seen: Sightings, views: Sequence[tuple[Pose, Camera]], settings: Rel
         places[some], by_height[some] = np.where(down.valid[:, None], down.points, np.nan), down.by_height
     deviations = np.exp(poses[:, 2]) * seen.scales * settings.loss_px
     height = float(np.median(np.exp(poses[:, 2] + lenses[:, 0]) * half))
-    return triangulate(places, by_height, deviations[row], seen.point, settings.sigma * height)
+    return ground_points(places, by_height, deviations[row], seen.point, settings.sigma * height)
 
 
-def displacement(pose: Pose, camera: Camera, ground: SeenGround, settings: ReliefSettings) -> ReliefDisplacement | None:
+class PointsAround:
+    """Of each of n frames the points that it does not see but a frame does which sees one of its points too."""
+
+    def __init__(self, seen: Sightings, n: int) -> None:
+        points = int(seen.point.max(initial=-1)) + 1
+        ones = np.ones(len(seen.row), bool)
+        self._seen = sparse.csr_matrix((ones, (seen.row, seen.point)), shape=(n, points))
+        self._sees_with = (self._seen @ self._seen.T).tocsr()
+        self._last = np.full(points, -1)
+
+    def __call__(self, row: int) -> Indices:
+        others = self._sees_with.indices[slice(*self._sees_with.indptr[row : row + 2])]
+        of_others = self._seen[others].indices
+        self._last[of_others] = np.arange(len(of_others))  # of those that are told several times, the last one
+        self._last[self._seen[[row]].indices] = -1
+        return np.asarray(of_others[self._last[of_others] == np.arange(len(of_others))], np.intp)
+
+
+def _displacement(frame: FrameOverGround, settings: ReliefSettings) -> ReliefDisplacement | None:
     """A frame's grid from the ground that it sees; None if there are too few points."""
-    scale, pixels = ground.scale, ground.pixels
-    shifts = pixels_from_canvas(pose, camera, ground.points) - pixels
+    pose, camera = frame.drawn
+    shifts = pixels_from_canvas(pose, camera, frame.own.places) - frame.pixels
     with np.errstate(invalid="ignore"):
         believed = np.linalg.norm(shifts, axis=1) < settings.largest * camera.half_diagonal
     if believed.sum() < FEWEST:
         return None
-    at = pixels[believed] / [camera.width - 1, camera.height - 1]
-    sheet = fitted_sheet(at, shifts[believed] / scale, *grid_size(camera, settings.cells), settings)
-    return ReliefDisplacement.from_grid(sheet * scale / camera.half_diagonal)
+    columns, rows = grid_size(camera, settings.cells)
+    at = _share_of_frame(camera, frame.pixels[believed])
+    by_height = _shifts_by_height(frame, at, frame.own.some(believed), (columns, rows), settings)
+    left = (shifts[believed] - on_sheet(by_height, at)) / frame.scale
+    elasticity = Elasticity(settings.rest_stiffness, np.inf, settings.tie, settings.loss_px)
+    rest = fitted_sheet(at, left, (columns, rows), elasticity, _certainty(frame.own.some(believed), 0.0))
+    return ReliefDisplacement.from_grid((by_height + rest * frame.scale) / camera.half_diagonal)
 
 
-def grid_size(camera: Camera, cells: int) -> tuple[int, int]:
-    """Columns and rows of a grid of nearly square cells, `cells` along the longer side."""
-    longer = max(camera.width, camera.height)
-    return (max(2, round(cells * camera.width / longer) + 1), max(2, round(cells * camera.height / longer) + 1))
+def _shifts_by_height(
+    frame: FrameOverGround, at: PointsNx2, own: GroundPoints, size: tuple[int, int], settings: ReliefSettings
+) -> ShiftGrid:
+    """Shifts (rows, columns, 2) in pixels from where the frame sees the ground at the nodes of its grid to where it would as it
+    is drawn, if the ground were a plane; 0 above the horizon."""
+    pose, camera = frame.view
+    nodes = pixel_grid(camera, *size)
+    down = _down(frame.view, nodes)
+    per_height = np.linalg.norm(down.by_height[down.valid], axis=1) / (np.exp(pose.log_gsd) * frame.scale)
+    px = float(np.sqrt(np.mean(np.minimum(per_height, np.quantile(per_height, OUTERMOST)) ** 2)))
+    heights = _heights(frame, at, own, size, px, settings)
+    places = down.points + heights.reshape(-1, 1) * down.by_height
+    shifts = pixels_from_canvas(*frame.drawn, places) - nodes
+    known = down.valid & np.isfinite(shifts).all(axis=1)
+    return np.where(known[:, None], shifts, 0.0).reshape(*heights.shape[:2], 2)
 
 
-def fitted_sheet(at: PointsNx2, values: PointsNx2, columns: int, rows: int, settings: ReliefSettings) -> ShiftGrid:
-    """Elastic sheet (rows, columns, 2) robustly fitted to values (m, 2) at places (m, 2), 0 to 1 along each side."""
-    node, share = _corners(at, columns, rows)
-    fixed = _membrane(columns, rows, settings)
-    sheet, weight = np.zeros((columns * rows, 2)), np.ones(len(at))
-    for _ in range(ROUNDS):
-        band = fixed.copy()
-        for i in range(4):
-            for j in range(i, 4):
-                np.add.at(band, (node[:, j] - node[:, i], node[:, i]), weight * share[:, i] * share[:, j])
-        right = np.stack(
-            [
-                np.bincount(node.ravel(), (share * (weight * values[:, k])[:, None]).ravel(), columns * rows)
-                for k in (0, 1)
-            ],
-            axis=1,
-        )
-        sheet = solveh_banded(band, right, lower=True, check_finite=False)
-        off2 = ((share[:, :, None] * sheet[node]).sum(axis=1) - values) ** 2
-        weight = 1 / (1 + off2.sum(axis=1) / settings.loss_px**2)
-    return np.asarray(sheet).reshape(rows, columns, 2)
+def _heights(
+    frame: FrameOverGround, at: PointsNx2, own: GroundPoints, size: tuple[int, int], px: float, settings: ReliefSettings
+) -> Matrix:
+    """Heights (rows, columns) of the ground at the nodes of a frame's grid; px: pixels of its feature picture by which it sees
+    ground shifted per unit of height."""
+    inside, at_others = _inside(frame.view, frame.around)
+    others = frame.around.some(inside)
+    heights = np.concatenate([own.heights, others.heights])
+    middle = float(np.median(own.heights))
+    elasticity = Elasticity(settings.stiffness, settings.step_px, settings.tie, settings.loss_px)
+    weight = np.concatenate([_certainty(own, px), _certainty(others, px)])
+    sheet = fitted_sheet(np.concatenate([at, at_others]), (heights[:, None] - middle) * px, size, elasticity, weight)
+    return middle + sheet[:, :, 0] / px
 
 
-def _corners(at: PointsNx2, columns: int, rows: int) -> tuple[IndexRows, Matrix]:
-    """The four nodes (m, 4) around each place, ascending, and their bilinear weights (m, 4)."""
-    cell = at * [columns - 1, rows - 1]
-    first = np.clip(cell.astype(np.intp), 0, [columns - 2, rows - 2])
-    x, y = (cell - first).T
-    corner = first[:, 1] * columns + first[:, 0]
-    nodes = corner[:, None] + np.array([0, 1, columns, columns + 1])
-    return nodes, np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)
+def _certainty(points: GroundPoints, px: float) -> Vector:
+    """How much points (m,) count, 0 to 1: by how well their height is known, and their rays meet."""
+    return np.asarray(1 / (1 + px**2 * points.variances) / (1 + points.off2))
 
 
-def _membrane(columns: int, rows: int, settings: ReliefSettings) -> Matrix:
-    """Normal matrix (columns + 2, n) of the sheet alone, as lower diagonals."""
-    band = np.zeros((columns + 2, columns * rows))
-    band[0] = settings.tie
-    nodes = np.arange(columns * rows).reshape(rows, columns)
-    for step, first in ((1, nodes[:, :-1].ravel()), (columns, nodes[:-1].ravel())):
-        band[step, first] -= settings.stiffness
-        band[0, first] += settings.stiffness
-        band[0, first + step] += settings.stiffness
-    return band
+def _inside(view: View, points: GroundPoints) -> tuple[Mask, PointsNx2]:
+    """Which of the points (m,) lie within the frame, and where those do, 0 to 1 along each side."""
+    pose, camera = view
+    above, below = np.exp(pose.log_gsd) * camera.focal_px, np.array([pose.x, pose.y])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shadows = below + (points.places - below) * (above / (above - points.heights))[:, None]
+        at = _share_of_frame(camera, pixels_from_canvas(pose, camera, shadows))
+        within = (at >= 0) & (at <= 1)
+    inside = np.asarray(within[:, 0] & within[:, 1] & (points.heights < above))
+    return inside, at[inside]
+
+
+def _share_of_frame(camera: Camera, pixels: PointsNx2) -> PointsNx2:
+    return np.asarray(pixels / [camera.width - 1, camera.height - 1])
+
+
+def _down(view: View, pixels: PointsNx2) -> Projected:
+    pose, camera = view
+    n, half = len(pixels), camera.half_diagonal
+    poses, lenses = np.tile(pose_row(pose), (n, 1)), np.tile(lens_row(camera), (n, 1))
+    return projection.canvas_from_pixels(poses, lenses, np.full(n, half), (pixels - camera.centre) / half)

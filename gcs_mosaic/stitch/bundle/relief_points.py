@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, PointsNx2, RowsNx3, Vector
+from gcs_mosaic.stitch.arrays import IndexPairsNx2, Indices, Mask, PointsNx2, Vector
 
 ROUNDS = 5  # of reweighting
 
@@ -40,17 +40,23 @@ def tracks(matches: IndexPairsNx2, frame_of_node: Indices) -> Tracks:
     return Tracks(nodes, track)
 
 
-def triangulate(
-    places: PointsNx2, by_height: PointsNx2, deviations: Vector, track: Indices, height_sigma: float
-) -> PointsNx2:
-    """Vertical projections (t, 2) of the points onto the plane; as `ground_points`."""
-    return ground_points(places, by_height, deviations, track, height_sigma)[:, :2]
+@dataclass(frozen=True, slots=True)
+class GroundPoints:
+    """t points of the ground."""
+
+    places: PointsNx2  # (t, 2) on the canvas
+    heights: Vector  # (t,) above its plane, canvas units
+    variances: Vector  # (t,) of the heights
+    off2: Vector  # (t,) mean square of how far the rays of a point pass by it, in their deviations
+
+    def some(self, which: Indices | Mask) -> GroundPoints:
+        return GroundPoints(self.places[which], self.heights[which], self.variances[which], self.off2[which])
 
 
 def ground_points(
     places: PointsNx2, by_height: PointsNx2, deviations: Vector, track: Indices, height_sigma: float
-) -> RowsNx3:
-    """Places and heights (t, 3) of points from one ray per observation.
+) -> GroundPoints:
+    """Points (t) from one ray per observation.
 
     places (m, 2): intersections of the rays with the plane; by_height (m, 2): their shift per unit of height; deviations (m,):
     standard deviation of an observation, canvas units; height_sigma: of the points' heights about the plane. Robust (Cauchy): a
@@ -58,18 +64,22 @@ def ground_points(
     """
     weight = 1 / deviations**2
     robust = np.ones(len(track))
-    points, height = np.zeros((int(track.max(initial=-1)) + 1, 2)), np.zeros(0)
+    count = int(track.max(initial=-1)) + 1
+    points, height = np.zeros((count, 2)), np.zeros(count)
+    information, off2 = np.ones(count), np.zeros(len(track))
     for _ in range(ROUNDS):
         w = weight * robust
-        total = np.bincount(track, w).astype(np.float64)
+        total = np.bincount(track, w, count).astype(np.float64)
         mean_place, mean_slope = (_means(values, w, track, total) for values in (places, by_height))
         place, slope = places - mean_place[track], by_height - mean_slope[track]
-        information = np.bincount(track, w * (slope**2).sum(axis=1)) + height_sigma**-2
-        height = -np.bincount(track, w * (place * slope).sum(axis=1)) / information
+        information = np.asarray(np.bincount(track, w * (slope**2).sum(axis=1), count) + height_sigma**-2)
+        height = np.asarray(-np.bincount(track, w * (place * slope).sum(axis=1), count) / information)
         points = mean_place + height[:, None] * mean_slope
         off2 = ((places + height[track, None] * by_height - points[track]) ** 2).sum(axis=1) * weight
         robust = 1 / (1 + off2)
-    return np.column_stack([points, height])
+    return GroundPoints(
+        points, height, 1 / information, np.bincount(track, off2, count) / np.bincount(track, minlength=count)
+    )
 
 
 def _means(values: PointsNx2, weights: Vector, track: Indices, total: Vector) -> PointsNx2:

@@ -91,6 +91,9 @@ class Pose:
         return rotation_matrix(self.yaw, self.pitch, self.roll)
 
 
+View = tuple[Pose, Camera]
+
+
 def rotation_matrix(yaw: float, pitch: float, roll: float) -> Matrix3x3:
     """Rz(yaw) Ry(pitch) Rx(roll), 3x3."""
     cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (math.cos, math.sin))

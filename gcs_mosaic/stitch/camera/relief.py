@@ -19,6 +19,8 @@ from gcs_mosaic.stitch.camera.geometry import Camera
 
 STEPS = 12  # of the fixed-point iteration that inverts the shifts
 CONVERGED_PX = 0.01  # a point is done once its last step was shorter; the next would be at most a quarter of it
+EVENED = 200  # rounds of evening out what is steeper than
+EVEN_ENOUGH = 1.01  # of it: the rest is scaled down
 STEEPEST = 0.25  # maximum change of the shift per cell: no place is seen twice, and the inversion converges
 
 
@@ -27,11 +29,13 @@ class ReliefSettings:
     """How terrain height is modelled."""
 
     sigma: float = 0.04  # expected standard deviation of heights about the plane, in flying heights
-    cells: int = 16  # of a frame's grid along its longer side; 0 disables relief displacement
-    stiffness: float = 0.3  # resistance of the grid to stretching, relative to one track; 0.1 to 1 give the same shape
-    tie: float = 0.01  # pull of the grid towards zero; keeps borders without tracks from drifting
+    cells: int = 32  # of a frame's grid along its longer side; 0 disables relief displacement
+    stiffness: float = 1.0  # resistance of the ground to steps between cells, relative to one track
+    step_px: float = 0.6  # a step by which it gives way, as at the foot of a wall; pixels of the feature picture
+    rest_stiffness: float = 0.5  # of what heights do not explain, relative to one track
+    tie: float = 0.0002  # pull of the grid towards zero, and of heights towards the frame's middle one
     loss_px: float = 1.0  # Cauchy loss scale for outlying points, in pixels of the feature picture
-    largest: float = 0.1  # largest shift accepted, half-diagonals
+    largest: float = 0.3  # largest shift accepted, half-diagonals
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +52,10 @@ class ReliefDisplacement:
 
     @classmethod
     def from_grid(cls, grid: ShiftGrid) -> ReliefDisplacement:
-        """From shifts (rows, columns, 2) in half-diagonals; scaled down where they would fold the image."""
+        """From shifts (rows, columns, 2) in half-diagonals; evened out where they would fold the image."""
         rows, columns = grid.shape[:2]
-        steepest = max(np.abs(np.diff(grid, axis=axis)).max(initial=0.0) for axis in (0, 1))
         cell = 2 / np.hypot(columns - 1, rows - 1)  # half-diagonals, for a grid with the frame's aspect ratio
-        grid = grid * min(1.0, STEEPEST * cell / max(steepest, 1e-12))
-        return cls(columns, rows, grid.astype(np.float32).tobytes())
+        return cls(columns, rows, _without_folds(grid, STEEPEST * cell).astype(np.float32).tobytes())
 
     @property
     def grid(self) -> FloatImage:
@@ -74,6 +76,23 @@ class ReliefDisplacement:
         lower = nodes[corner] * (1 - right) + nodes[corner + 1] * right
         shifts = upper * (1 - below) + lower * below
         return np.asarray(shifts.view(np.float64).reshape(-1, 2))
+
+
+def _without_folds(grid: ShiftGrid, steepest: float) -> ShiftGrid:
+    """The grid (rows, columns, 2) with no two neighbours farther apart than `steepest` along either axis: those that are
+    approach each other, round by round, and whatever is left is scaled down with all."""
+    grid = grid.copy()
+    for _ in range(EVENED):
+        steps = [np.diff(grid, axis=axis) for axis in (0, 1)]
+        if max(np.abs(some).max(initial=0.0) for some in steps) < EVEN_ENOUGH * steepest:
+            break
+        down, across = (some - np.clip(some, -steepest, steepest) for some in steps)
+        grid[:-1] += down / 4  # each node has four neighbours
+        grid[1:] -= down / 4
+        grid[:, :-1] += across / 4
+        grid[:, 1:] -= across / 4
+    left = max(np.abs(np.diff(grid, axis=axis)).max(initial=0.0) for axis in (0, 1))
+    return np.asarray(grid * min(1.0, steepest / max(left, 1e-12)))
 
 
 @lru_cache(maxsize=256)

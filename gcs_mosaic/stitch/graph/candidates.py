@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gcs_mosaic.stitch.arrays import Mask, Matrix3x3
-from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixel_grid, pixels_from_canvas
+from gcs_mosaic.stitch.camera.geometry import Camera, Pose, View, canvas_from_pixels, pixel_grid, pixels_from_canvas
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
@@ -24,8 +24,6 @@ from gcs_mosaic.stitch.registration.outcome import NO_PIXELS, NotRegistered, Reg
 from gcs_mosaic.stitch.registration.proposals import Proposal
 from gcs_mosaic.stitch.registration.registration import register
 from gcs_mosaic.stitch.registration.settings import RegistrationSettings
-
-View = tuple[Pose, Camera]
 
 # Frames whose overlap is computed, per neighbour wanted; bounding boxes alone mislead where headings differ.
 PER_NEIGHBOUR = 4

@@ -5,7 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.arrays import Array
-from gcs_mosaic.stitch.bundle.relief import displacements, fitted_sheet, grid_size, matched, note_relief, sightings
+from gcs_mosaic.stitch.bundle.matched_points import Sightings, matched, sightings
+from gcs_mosaic.stitch.bundle.relief import displacements, note_relief
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose, canvas_from_pixels, pixels_from_canvas
 from gcs_mosaic.stitch.camera.relief import ReliefSettings, on_plane
 from gcs_mosaic.stitch.features.extraction import Features
@@ -100,19 +101,19 @@ def test_without_cells_every_frame_stays_a_camera_over_a_plane(graph: ViewGraph)
     assert graph.frames[0].relief is None
 
 
-def test_a_sheet_lies_at_zero_where_nothing_is_known_and_ignores_what_stands_out() -> None:
-    noise = np.random.default_rng(4)
-    at = noise.uniform(0, 0.4, (400, 2))
-    values = np.tile([5.0, -2.0], (400, 1))
-    values[::20] = 300
-    sheet = fitted_sheet(at, values, 17, 13, ReliefSettings())
-    assert np.allclose(sheet[2, 3], [5, -2], atol=0.2)
-    assert np.abs(sheet[-1, -1]).max() < 1
-
-
-def test_cells_are_nearly_square() -> None:
-    assert grid_size(Camera(4000, 3000), 16) == (17, 13)
-    assert grid_size(Camera(3000, 4000), 16) == (13, 17)
+def test_a_hill_that_a_frame_was_not_matched_on_is_known_from_those_around(graph: ViewGraph) -> None:
+    matches = matched(graph, range(4))
+    assert matches is not None
+    all_seen = sightings(matches)
+    on_hill = np.linalg.norm(canvas_from_pixels(POSES[2], CAMERA, all_seen.pixels) - [150, 150], axis=1) < 180
+    kept = (all_seen.row != 2) | ~on_hill
+    seen_by_others = Sightings(all_seen.row[kept], all_seen.pixels[kept], all_seen.point[kept], all_seen.scales)
+    views = [(pose, CAMERA) for pose in POSES]
+    expected, found = (displacements(seen, views, ReliefSettings())[2] for seen in (all_seen, seen_by_others))
+    assert expected is not None
+    assert found is not None
+    assert np.abs(expected.grid).max() * CAMERA.half_diagonal > 4
+    assert np.abs(found.grid - expected.grid).max() * CAMERA.half_diagonal < 1.5
 
 
 def test_a_lone_frame_has_no_relief() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_mosaic.stitch.arrays import Array
-from gcs_mosaic.stitch.bundle.relief_points import tracks, triangulate
+from gcs_mosaic.stitch.bundle.relief_points import ground_points, tracks
 
 
 def test_what_is_connected_is_one_point_unless_it_contradicts_itself() -> None:
@@ -30,8 +30,8 @@ def test_points_are_found_straight_below_where_they_stand() -> None:
     places, by_height, track = rays(points, cameras, noise)
     wrong = noise.random(len(track)) < 0.05
     places[wrong] += noise.uniform(-300, 300, (wrong.sum(), 2))
-    found = triangulate(places, by_height, np.ones(len(track)), track, height_sigma=60.0)
-    error = np.linalg.norm(found - points[:, :2], axis=1)
+    found = ground_points(places, by_height, np.ones(len(track)), track, height_sigma=60.0)
+    error = np.linalg.norm(found.places - points[:, :2], axis=1)
     on_plane = np.linalg.norm(
         [np.bincount(track, places[:, k]) / np.bincount(track) - points[:, k] for k in (0, 1)], axis=0
     )
@@ -41,5 +41,5 @@ def test_points_are_found_straight_below_where_they_stand() -> None:
 
 def test_rays_that_run_together_leave_a_point_on_the_plane() -> None:
     places, slopes = np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([[0.5, 0.0], [0.501, 0.0]])
-    found = triangulate(places, slopes, np.full(2, 2.0), np.zeros(2, int), height_sigma=10.0)
-    assert np.allclose(found, [[1.5, 0.0]], atol=0.05)
+    found = ground_points(places, slopes, np.full(2, 2.0), np.zeros(2, int), height_sigma=10.0)
+    assert np.allclose(found.places, [[1.5, 0.0]], atol=0.05)

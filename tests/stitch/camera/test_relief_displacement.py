@@ -28,6 +28,14 @@ def test_no_picture_is_folded(seed: int, size: float) -> None:
     assert (x_right * y_down - x_down * y_right > 0).all()
 
 
+def test_what_is_too_steep_is_evened_out_there_alone() -> None:
+    grid = np.full((13, 17, 2), 0.01)
+    grid[1, 1] = 0.3
+    found = ReliefDisplacement.from_grid(grid).grid
+    assert np.allclose(found[8:, 10:], 0.01, atol=1e-4)
+    assert found[1, 1].min() > 0.05
+
+
 def test_the_shift_between_nodes_is_bilinear_and_scales_with_the_frame() -> None:
     grid = np.zeros((2, 3, 2))
     grid[0, 1] = 0.02, -0.01
