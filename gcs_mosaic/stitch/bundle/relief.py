@@ -131,7 +131,7 @@ def _displacement(frame: FrameOverGround, settings: ReliefSettings) -> ReliefDis
     by_height = _shifts_by_height(frame, at, frame.own.some(believed), (columns, rows), settings)
     left = (shifts[believed] - on_sheet(by_height, at)) / frame.scale
     elasticity = Elasticity(settings.rest_stiffness, np.inf, settings.tie, settings.loss_px)
-    rest = fitted_sheet(at, left, (columns, rows), elasticity, _certainty(frame.own.some(believed), 0.0))
+    rest = fitted_sheet(at, left, (columns, rows), elasticity)
     return ReliefDisplacement.from_grid((by_height + rest * frame.scale) / camera.half_diagonal)
 
 
