@@ -68,7 +68,6 @@ CONSTANTS = {
     "bundle.relief_points": ("ROUNDS",),
     "camera.relief": ("STEEPEST", "EVENED"),
     "bundle.relief": ("FEWEST", "OUTERMOST"),
-    "bundle.elastic_sheet": ("ROUNDS",),
     "camera.geometry": ("HORIZON_COSINE", "LEAST_LIKENESS"),
 }
 

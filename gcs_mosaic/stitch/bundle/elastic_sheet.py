@@ -14,7 +14,9 @@ from scipy.linalg import solveh_banded
 from gcs_mosaic.stitch.arrays import Array, IndexRows, Matrix, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.geometry import Camera
 
-ROUNDS = 4  # of reweighting
+# Scales of the loss in units of its own, round by round: as it is; and begun wide, so that a roof of few values is not taken for
+# wrong ones (graduated non-convexity, Blake and Zisserman 1987).
+PLAIN, GRADUATED = (1, 1, 1, 1), (8, 4, 2, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,7 @@ class Elasticity:
     step: float  # beyond it neighbours resist less
     tie: float
     loss: float
+    rounds: tuple[float, ...] = PLAIN
 
 
 def grid_size(camera: Camera, cells: int) -> tuple[int, int]:
@@ -42,12 +45,12 @@ def fitted_sheet(
     share = np.ones(len(at)) if weight is None else weight
     corners = _Corners.of(at, columns, rows)
     sheet, pull = np.zeros((rows, columns, values.shape[1])), share
-    for _ in range(ROUNDS):
+    for wider in elasticity.rounds:
         band = _membrane(sheet, elasticity) + corners.normal_matrix(pull)
         found = solveh_banded(band, corners.right_side(pull, values), lower=True, check_finite=False)
         sheet = np.asarray(found).reshape(sheet.shape)
         off = corners.values_of(sheet) - values
-        pull = share / (1 + np.einsum("mk,mk->m", off, off) / elasticity.loss**2)
+        pull = share / (1 + np.einsum("mk,mk->m", off, off) / (wider * elasticity.loss) ** 2)
     return sheet
 
 

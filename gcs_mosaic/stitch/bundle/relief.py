@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from gcs_mosaic.stitch.arrays import Indices, Mask, Matrix, PointsNx2, ShiftGrid, Vector
-from gcs_mosaic.stitch.bundle.elastic_sheet import Elasticity, fitted_sheet, grid_size, on_sheet
+from gcs_mosaic.stitch.bundle.elastic_sheet import GRADUATED, Elasticity, fitted_sheet, grid_size, on_sheet
 from gcs_mosaic.stitch.bundle.matched_points import Sightings, matched, sightings
 from gcs_mosaic.stitch.bundle.relief_points import GroundPoints, ground_points
 from gcs_mosaic.stitch.camera import projection
@@ -161,7 +161,7 @@ def _heights(
     others = frame.around.some(inside)
     heights = np.concatenate([own.heights, others.heights])
     middle = float(np.median(own.heights))
-    elasticity = Elasticity(settings.stiffness, settings.step_px, settings.tie, settings.loss_px)
+    elasticity = Elasticity(settings.stiffness, settings.step_px, settings.tie, settings.loss_px, GRADUATED)
     weight = np.concatenate([_certainty(own, px), _certainty(others, px)])
     sheet = fitted_sheet(np.concatenate([at, at_others]), (heights[:, None] - middle) * px, size, elasticity, weight)
     return middle + sheet[:, :, 0] / px

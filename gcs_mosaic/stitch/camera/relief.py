@@ -30,8 +30,8 @@ class ReliefSettings:
 
     sigma: float = 0.04  # expected standard deviation of heights about the plane, in flying heights
     cells: int = 32  # of a frame's grid along its longer side; 0 disables relief displacement
-    stiffness: float = 1.0  # resistance of the ground to steps between cells, relative to one track
-    step_px: float = 0.6  # a step by which it gives way, as at the foot of a wall; pixels of the feature picture
+    stiffness: float = 2.0  # resistance of the ground to steps between cells, relative to one track
+    step_px: float = 1.0  # a step by which it gives way, as at the foot of a wall; pixels of the feature picture
     rest_stiffness: float = 0.3  # of what heights do not explain, relative to one track
     tie: float = 0.0002  # pull of the grid towards zero, and of heights towards the frame's middle one
     loss_px: float = 1.0  # Cauchy loss scale for outlying points, in pixels of the feature picture
