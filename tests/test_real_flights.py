@@ -72,7 +72,9 @@ def test_the_map_is_as_good_as_structure_from_motion(flown: tuple[str, Path], tm
     assert score["ortho_px"]["rms"] < bounds.ortho_px
     assert score["pairs_tracks"]["px"]["median"] < bounds.tracks_median_px
     assert score["pairs_tracks"]["px"]["p95"] < bounds.tracks_p95_px
-    assert 0.985 < score["scale_ratio"]["p5"] <= score["scale_ratio"]["p95"] < 1.015
+    # The reference's scale of a frame is that of its plane, so hills are in it; its middle is the one similarity's, not a drift.
+    assert score["scale_ratio"]["spread_p95_over_p5"] < 1.025
+    assert 0.98 < score["scale_ratio"]["median"] < 1.02
 
 
 def test_a_place_is_found_in_every_frame_that_saw_it(flown: tuple[str, Path]) -> None:
