@@ -143,6 +143,8 @@ def _shifts_by_height(
     pose, camera = frame.view
     nodes = pixel_grid(camera, *size)
     down = _down(frame.view, nodes)
+    if not down.valid.any():
+        return np.zeros((size[1], size[0], 2))
     per_height = np.linalg.norm(down.by_height[down.valid], axis=1) / (np.exp(pose.log_gsd) * frame.scale)
     px = float(np.sqrt(np.mean(np.minimum(per_height, np.quantile(per_height, OUTERMOST)) ** 2)))
     heights = _heights(frame, at, own, size, px, settings)
