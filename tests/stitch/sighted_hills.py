@@ -39,11 +39,17 @@ def flat(places: Array) -> Array:
 
 
 def sighted(
-    poses: Array, heights: Callable[[Array], Array], seed: int, points: int = 900, noise_px: float = 0.3
+    poses: Array,
+    heights: Callable[[Array], Array],
+    seed: int,
+    points: int = 900,
+    noise_px: float = 0.3,
+    around: float = 0.5,
 ) -> tuple[Problem, SightedPoints, Array]:
-    """The problem at these poses with an ordinary lens, sightings with noise, and the points' true places and heights (t, 3)."""
+    """The problem at these poses with an ordinary lens, sightings with noise, and the points' true places and heights (t, 3).
+    There are points up to `around` flying heights away."""
     rng = np.random.default_rng([seed, 1])
-    low, high = poses[:, :2].min(axis=0) - 0.5 * HEIGHT, poses[:, :2].max(axis=0) + 0.5 * HEIGHT
+    low, high = poses[:, :2].min(axis=0) - around * HEIGHT, poses[:, :2].max(axis=0) + around * HEIGHT
     places = rng.uniform(low, high, (points, 2))
     truth = np.column_stack([places, heights(places)])
     row, point = (some.ravel() for some in np.indices((len(poses), points)))

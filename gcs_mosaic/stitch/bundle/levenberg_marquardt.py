@@ -343,7 +343,8 @@ def _add_tilt_prior(problem: Problem, settings: AdjustmentSettings, normal: Norm
     layout, camera = normal.layout, problem.camera[problem.free]
     frames, lenses = layout.frames[problem.free], layout.lenses[camera]
     sigma = settings.tilt_prior_sigma * np.exp(problem.lenses[camera, 0]) / settings.focal_prior
-    tilt = problem.poses[problem.free, 4:] / sigma[:, None]
+    expected = 0.0 if problem.tilt_prior is None else problem.tilt_prior[camera]
+    tilt = (problem.poses[problem.free, 4:] - expected) / sigma[:, None]
     # Cauchy again: a truly oblique frame must be possible.
     tilt_size2 = (tilt**2).sum(axis=1) / TILT_PRIOR_REACH**2
     weight = 1 / (1 + tilt_size2)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from gcs_mosaic.stitch.arrays import LensesNx5, Matrix, PosesNx6, RowsNx3
+from gcs_mosaic.stitch.arrays import LensesNx5, Matrix, PointsNx2, PosesNx6, RowsNx3
 from gcs_mosaic.stitch.bundle.drawn_poses import drawn_poses
 from gcs_mosaic.stitch.bundle.elimination import BLOCK
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, lenses_after, stepped, without_leaps
@@ -67,7 +67,7 @@ def grounded(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings
     seen, points = seen.kept(known[seen.point]), points[known]
     if not _hold_together(seen, len(problem.poses)):
         return None
-    problem, sigma = _with_lens_prior(problem), settings.relief.sigma
+    problem, sigma = _with_priors(problem, settings), settings.relief.sigma
     equations = PointEquations(point_layout(problem, seen), seen, settings, run)
     shares = patch_shares(points[:, :2], PATCH * flying_height(problem))
     found = _converged(equations, equations.at(problem, points, HeightPrior(sigma, shares)))
@@ -109,9 +109,22 @@ def _first_points(problem: Problem, seen: SightedPoints, settings: AdjustmentSet
     return np.column_stack([found.places, found.heights])
 
 
-def _with_lens_prior(problem: Problem) -> Problem:
+def _with_priors(problem: Problem, settings: AdjustmentSettings) -> Problem:
     assert problem.lens_prior is not None, "an island's problem has one"
-    return replace(problem, lens_weights=np.eye(LENS_TERMS) / problem.lens_prior[1][:, None] ** 2)
+    weights = np.eye(LENS_TERMS) / problem.lens_prior[1][:, None] ** 2
+    return replace(problem, lens_weights=weights, tilt_prior=_expected_tilts(problem, settings.tilt_prior_sigma))
+
+
+def _expected_tilts(problem: Problem, sigma: float) -> PointsNx2:
+    """Pitch and roll (c, 2) that the frames of each camera are expected to have: the middle ones over the plane, if they are
+    large beside the deviation from level flight.
+
+    Pulled to level flight, cameras that all look ahead would tilt the ground, whose heights are free, towards them. Small ones
+    are more often those of a plane that was fitted to slopes than of a camera that hangs askew.
+    """
+    tilts = [np.median(problem.poses[problem.camera == camera, 4:], axis=0) for camera in range(len(problem.lenses))]
+    size2 = (np.array(tilts) ** 2).sum(axis=1, keepdims=True)
+    return np.asarray(tilts * size2 / (size2 + sigma**2))
 
 
 def _converged(equations: PointEquations, state: PointState) -> PointState:

@@ -12,6 +12,7 @@ from gcs_mosaic.stitch.arrays import (
     Mask,
     Matrices,
     PairPoints,
+    PointsNx2,
     PosesNx6,
     Vector,
 )
@@ -44,3 +45,5 @@ class Problem:
     lens_prior: Array | None = None
     # (c, 5, 5): inverse covariances that the prior is held with; None: by its deviations
     lens_weights: Matrices | None = None
+    # (c, 2): pitch and roll that the frames of a camera are expected to have; None: level ones
+    tilt_prior: PointsNx2 | None = None

@@ -72,6 +72,15 @@ def test_over_flat_ground_the_map_is_as_flat() -> None:
     assert abs(scale - 1).max() < 0.005
 
 
+@pytest.mark.parametrize("angle", [4, 5], ids=["pitch", "roll"])
+def test_cameras_that_all_look_aside_do_not_tilt_flat_ground(angle: int) -> None:
+    truth = survey(4, lines=1, per_line=20)
+    truth[:, angle] += 0.5
+    problem, seen, _ = sighted(truth, flat, 4, points=1500, around=1.6)
+    found = held(problem, seen, truth)
+    assert abs((found.poses - truth)[:, 4:].mean(axis=0)).max() < 0.01
+
+
 def test_wrong_sightings_bend_nothing() -> None:
     truth, rng = survey(6), np.random.default_rng(6)
     problem, seen, _ = sighted(truth, hill, 6)
