@@ -123,8 +123,8 @@ def _expected_tilts(problem: Problem, sigma: float) -> PointsNx2:
     are more often those of a plane that was fitted to slopes than of a camera that hangs askew.
     """
     tilts = [np.median(problem.poses[problem.camera == camera, 4:], axis=0) for camera in range(len(problem.lenses))]
-    size2 = (np.array(tilts) ** 2).sum(axis=1, keepdims=True)
-    return np.asarray(tilts * size2 / (size2 + sigma**2))
+    size4 = (np.array(tilts) ** 2).sum(axis=1, keepdims=True) ** 2
+    return np.asarray(tilts * size4 / (size4 + sigma**4))
 
 
 def _converged(equations: PointEquations, state: PointState) -> PointState:
