@@ -335,7 +335,7 @@ def add_priors(problem: Problem, settings: AdjustmentSettings, normal: Normal, g
 
 
 def _add_tilt_prior(problem: Problem, settings: AdjustmentSettings, normal: Normal, gradient: Matrix) -> float:
-    """The prior of nearly level flight.
+    """The prior of nearly level flight, or of the tilts that are expected instead.
 
     Near-nadir views of flat ground determine each tilt over the focal length, hardly either. A prior of the tilts alone would,
     with the number of frames, pull the focal length down ever more strongly; so their deviation follows the focal length.
