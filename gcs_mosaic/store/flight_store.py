@@ -225,7 +225,7 @@ class FlightStore(Kept):
         None if the same image arrived before.
         """
         self.taken_in += 1
-        earlier = self._names.get(frame.content_hash) or self._names.get(frame.picture or "")
+        earlier = self.shown_by(frame)
         if earlier is not None:
             self._retry(lambda: self._record_as(frame, FrameState.DUPLICATE, f"the same picture as {earlier}"))
             logger.info("%s: duplicate, the same picture as %s", frame.name, earlier)
@@ -238,6 +238,11 @@ class FlightStore(Kept):
         if frame.vehicle is not None:
             self._vehicles[frame.name] = frame.vehicle
         return kept, said
+
+    def shown_by(self, frame: Frame) -> str | None:
+        """The frame that showed this one's picture first; None if no other did."""
+        name = self._names.get(frame.content_hash) or self._names.get(frame.picture or "")
+        return None if name == frame.name else name
 
     def was_unreadable(self, name: str) -> bool:
         """Whether this frame could not be decoded."""

@@ -63,6 +63,8 @@ from gcs_mosaic.store.rows import (
 from gcs_mosaic.store.stored_text import stored
 from gcs_mosaic.store.told_documents import EventAccount, FrameAccount
 
+NO_PICTURES = "('duplicate', 'damaged')"  # states of files that no event is to be expected of
+
 
 class Ledger(LedgerFile):
     """The ledger of one flight."""
@@ -378,15 +380,23 @@ class Ledger(LedgerFile):
         return Accounts(
             events=EventAccount(**self._count_by_state("events")),
             frames=FrameAccount(**self._count_by_state("frames")),
-            orphans=self.rows(f"SELECT count(*) - ({announced}) FROM frames")[0][0] - self._previews(),
+            orphans=self.rows(f"SELECT count(*) - ({announced}) FROM frames")[0][0]
+            - self._previews()
+            - self._no_pictures(),
         )
 
     def _previews(self) -> int:
         """Frames without an event that are of a shot whose frame is another one."""
         if not self._has_other_files():
             return 0
-        aside = "SELECT count(*) FROM other_files JOIN frames USING (name) WHERE frames.id NOT IN "
-        return int(self.rows(f"{aside} (SELECT frame FROM events WHERE frame IS NOT NULL)")[0][0])
+        beside = f"SELECT count(*) FROM other_files JOIN frames USING (name) WHERE state NOT IN {NO_PICTURES}"
+        alone = "frames.id NOT IN (SELECT frame FROM events WHERE frame IS NOT NULL)"
+        return int(self.rows(f"{beside} AND {alone}")[0][0])
+
+    def _no_pictures(self) -> int:
+        """Files without an event of which none is to be expected: copies of other frames, and damaged ones."""
+        aside = f"SELECT count(*) FROM frames WHERE state IN {NO_PICTURES} AND NOT EXISTS "
+        return int(self.rows(f"{aside} (SELECT 1 FROM events WHERE events.frame = frames.id)")[0][0])
 
     def accounts_of_aircraft(self) -> dict[int, Accounts]:
         """The same for each aircraft that is known by an event or a frame. A frame is that of the aircraft whose source brought
@@ -396,7 +406,8 @@ class Ledger(LedgerFile):
             "FROM frames LEFT JOIN events ON events.frame = frames.id"
         )
         known = "WHERE vehicle IS NOT NULL GROUP BY vehicle"
-        orphans = f"SELECT vehicle, count(*) - count(event) AS n FROM ({whose}) {known}"
+        is_orphan = f"event IS NULL AND state NOT IN {NO_PICTURES}"
+        orphans = f"SELECT vehicle, count(*) FILTER (WHERE {is_orphan}) AS n FROM ({whose}) {known}"
         events, frames = self._by_aircraft("events", known), self._by_aircraft(f"({whose})", known)
         left = {row["vehicle"]: row["n"] for row in self.rows(orphans)}
         return {

@@ -161,4 +161,4 @@ class Accounts:
 
     events: EventAccount = field(default_factory=EventAccount)
     frames: FrameAccount = field(default_factory=FrameAccount)
-    orphans: Count = 0  # frames in any state that no event announced
+    orphans: Count = 0  # frames that no event announced; copies of other frames and damaged files are none

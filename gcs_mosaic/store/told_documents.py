@@ -21,7 +21,7 @@ Moment = Annotated[str, Limits(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z
 Count = Annotated[int, Limits(least=0)]
 Pixels = Annotated[float | None, Limits(least=0), "px; null: none, or endless"]
 System = Annotated[int, Limits(least=0, most=HIGHEST_SYSTEM), "MAVLink system id"]
-Orphans = Annotated[Count, "frames that no event announced"]
+Orphans = Annotated[Count, "frames that no event announced, without copies of others and damaged files"]
 Seconds = Annotated[float, Limits(least=0), "seconds since the first frame that waits came"]
 IslandId = Annotated[int, Limits(least=0, most=MOST_ISLANDS)]
 Level = Annotated[int, Limits(least=0, most=FINEST_LEVEL), "of the tiles"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Collection, Hashable
 from itertools import takewhile
 
 from gcs_mosaic.messages import Teller
@@ -38,9 +38,14 @@ def keys_of(name: str) -> list[Hashable]:
 def _may_take(event: PendingEvent, frame: PendingFrame) -> bool:
     """Whether no name has settled the event, or only that of a companion while it names this frame itself."""
     names = {hint.casefold() for _, hint in event.hints}
-    if event.frame is not None and event.frame.frame.path.name.casefold() in names:
+    if event.frame is not None and _is_called(event.frame, names):
         return False
-    return event.how is not How.NAME or frame.frame.path.name.casefold() in names
+    return event.how is not How.NAME or _is_called(frame, names)
+
+
+def _is_called(frame: PendingFrame, folded: Collection[str]) -> bool:
+    """Whether one of its files has one of these names, given without case."""
+    return any(name.casefold() in folded for name in frame.called)
 
 
 class FrameSearch:
@@ -75,21 +80,21 @@ class FrameSearch:
 
     def naming(self, frame: PendingFrame) -> PendingEvent | None:
         """The event that names the frame, unless already matched by name as well; the more credible comes first."""
-        keys = keys_of(frame.frame.path.name)
+        keys = [key for name in frame.called for key in keys_of(name)]
         events = {event: None for key in keys for event in self._events.under(key)}
         meant = [
             event
             for event in events
             if event.state is not State.FAILED
             if _may_take(event, frame) and not _came_before(event, frame)
-            if any(keys_of(hint)[-1] == keys[-1] and self._is_believed(event, teller) for teller, hint in event.hints)
+            if any(keys_of(hint)[-1] in keys and self._is_believed(event, teller) for teller, hint in event.hints)
         ]
         return max(meant, key=self.rank, default=None)  # the first of equals
 
     def names(self, event: PendingEvent, frame: PendingFrame) -> bool:
         """Whether a believed message about the event gives just this name."""
-        name = frame.frame.path.name.casefold()
-        return any(hint.casefold() == name and self._is_believed(event, teller) for teller, hint in event.hints)
+        names = {name.casefold() for name in frame.called}
+        return any(hint.casefold() in names and self._is_believed(event, teller) for teller, hint in event.hints)
 
     def may_fail(self, event: PendingEvent, teller: Teller) -> bool:
         """Whether `teller` may say that the shot brought no picture: who told it first, or nobody more credible disagrees."""

@@ -45,12 +45,18 @@ class PendingEvent:
 
 @dataclass(slots=True, eq=False)
 class PendingFrame:
-    """A frame and the numbers in its name."""
+    """A frame, the numbers in its name, and the base names of the files that brought the same picture again."""
 
     frame: Frame
     numbers: dict[Field, int]
     fresh: bool
     event: PendingEvent | None = None
+    copies: list[str] = field(default_factory=list)
+
+    @property
+    def called(self) -> list[str]:
+        """The base names of all its files."""
+        return [self.frame.path.name, *self.copies]
 
 
 Held = TypeVar("Held", PendingEvent, PendingFrame)

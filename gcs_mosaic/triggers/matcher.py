@@ -19,6 +19,7 @@ from gcs_mosaic.triggers.stretch import LIVE, is_odd, judge, may_change
 
 _TAKEN_BACK = 32  # frames looked through; a source is doubted long before
 _LOOK_BACK_S = 5.0
+_MOST_COPIES = 8  # of a frame whose names are known
 _MISLED = 5  # most frames that can arrive before a counter is known to have shifted
 
 
@@ -98,6 +99,19 @@ class Pairing:
         if held.event is None:
             return [Orphan(held.frame)]
         return [Matched(held.event.id, held.event.event, held.frame, held.event.how or How.TIME)]
+
+    def also_called(self, name: str, file: str) -> list[Outcome]:
+        """The picture of the frame `name` came once more, in a file of the base name `file`, as where a program copies or renames
+        what it has received: an event that names that file is about this frame."""
+        held = next(self._frames.under(("frame", name)), None)
+        if held is None or file in held.called or len(held.copies) >= _MOST_COPIES:
+            return []
+        held.copies.append(file)
+        self._frames.put(held, keys_of(file))
+        if held.event is not None and held.event.how in (How.NAME, How.ASKED):
+            return []
+        event = self._search.naming(held)
+        return [] if event is None else list(self._match(event, held, How.NAME))
 
     def withdraw(self, name: str) -> list[Outcome]:
         """The frame of this name was none of its own: an event that was matched with it is looked at again."""

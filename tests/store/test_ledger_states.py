@@ -105,7 +105,10 @@ class LedgerMachine(RuleBasedStateMachine):
         accounts, frames, events = self.ledger.accounts(), Counter(self.frames.values()), Counter(self.events.values())
         assert {state: getattr(accounts.frames, state) for state in FrameState} == {s: frames[s] for s in FrameState}
         assert {state: getattr(accounts.events, state) for state in EventState} == {s: events[s] for s in EventState}
-        assert accounts.orphans == len(self.frames) - len(self.pairs)
+        pictures = {
+            name for name, state in self.frames.items() if state not in (FrameState.DUPLICATE, FrameState.DAMAGED)
+        }
+        assert accounts.orphans == len(pictures - set(self.pairs.values()))
         assert {one.name: one.state for one in self.ledger.frames()} == self.frames
         assert {one.name for one in self.ledger.frames() if one.had_event} == set(self.pairs.values())
         assert {one.id: one.frame for one in self.ledger.events(EventState.MATCHED)} == self.pairs

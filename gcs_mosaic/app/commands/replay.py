@@ -214,9 +214,11 @@ class _Replay:
             return
         found = replace(file.frame, received=now)
         frame = self._driver.accept(found)
-        self._event_log.frame(found, now, fresh=fresh and frame is not None)
-        if frame is not None:
-            self._done.append(self._driver.process(replace(file, frame=frame)))
+        if frame is None:
+            self._event_log.copy(found, of=self._pipeline.store.shown_by(found))
+            return
+        self._event_log.frame(found, now, fresh=fresh)
+        self._done.append(self._driver.process(replace(file, frame=frame)))
 
     def _finish(self, progress: RunProgress) -> None:
         task = progress.add_task("final painting", total=None)

@@ -15,7 +15,7 @@ from gcs_mosaic.mavlink.flood import Trust
 from gcs_mosaic.messages import Frame, Teller, TriggerEvent
 from gcs_mosaic.store.flight_store import SET_ASIDE, frame_of
 from gcs_mosaic.store.ledger import Ledger
-from gcs_mosaic.store.records import EventRecord, EventState, FrameRecord
+from gcs_mosaic.store.records import EventRecord, EventState, FrameRecord, FrameState
 from gcs_mosaic.store.retry import Retry, at_once
 from gcs_mosaic.triggers import Failed, Matched, Missing, Outcome, Pairing, PairingSettings, Unmatched
 from gcs_mosaic.triggers.doubts import NONE, Doubts
@@ -63,15 +63,19 @@ class EventLog:
         """
         matched: list[tuple[int, str, int]] = []
         stale = max(sum(isinstance(record, FrameRecord) for record in told) - TIMED, 0)
-        now = 0.0
+        now, first = 0.0, dict[str, str]()  # the frame of each content
         for record in told:
             if isinstance(record, EventRecord) and record.frame is not None:
                 matched.append((record.id, record.frame, record.event.vehicle))
             if isinstance(record, EventRecord):
                 now = record.event.received
                 self._heard(shots.hear(record.event), record.id, now)
+            elif record.state is FrameState.DUPLICATE and not record.had_event:
+                stale -= 1
+                self.copy(frame_of(record, out), first.get(record.content_hash or ""))
             else:
                 frame, stale = frame_of(record, out), stale - 1
+                first.setdefault(frame.content_hash, frame.name)
                 now, fresh = frame.received, frame.modified >= started_utc and record.state not in SET_ASIDE
                 self.frame(frame, now, fresh=fresh and stale < 0)
         self.tick(now)
@@ -113,6 +117,13 @@ class EventLog:
         asked_by = self._ids.get(frame.taken_for) if frame.taken_for else None
         self._outcomes += pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
         self._trust.sources = self._credible()
+
+    def copy(self, frame: Frame, of: str | None) -> None:
+        """This one is none of its own, but the picture of the frame `of` in another file: an event may name either. None: which
+        frame that is is not known."""
+        if of is not None:
+            file = Path(file_and_version(frame.name)[0]).name
+            self._outcomes += self._pairing_of(frame.vehicle).also_called(of, file)
 
     def withdraw(self, frame: Frame) -> None:
         """This one, told before, was no frame of its own: another one's file was written again."""

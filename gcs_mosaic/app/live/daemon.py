@@ -315,13 +315,14 @@ class _Daemon:
             appeared = time.monotonic() - (time.time() - found.modified)
             found = replace(found, received=min(found.received, appeared))
         frame = self._driver.accept(found)
-        # An event may name a copy of an earlier image, but the copy's time says nothing about the capture time.
-        fresh = (found.vehicle in self._looked or came_meanwhile) and frame is not None
-        self._event_log.frame(found, time.monotonic(), fresh=fresh)
         self._last_frame = time.monotonic()
-        if frame is not None:
-            self._came[frame.name] = found.received
-            self._preparation.append(frame)
+        if frame is None:
+            self._event_log.copy(found, of=self._pipeline.store.shown_by(found))
+            return
+        fresh = found.vehicle in self._looked or came_meanwhile
+        self._event_log.frame(found, time.monotonic(), fresh=fresh)
+        self._came[frame.name] = found.received
+        self._preparation.append(frame)
 
     def _take_back_damage(self, name: str) -> None:
         """Say that a file is whole, if it was told as damaged: an upload may take longer than one waits for it."""

@@ -96,7 +96,10 @@ def fly(flight: list[Any], ledger: Any, record_frame: Any, settle_frame: Any) ->
         elif what in ("frame", "copy"):
             came.append(frame(f"{move[4] or 'y.png'}#{len(came)}", now))
             record_frame(came[-1], FrameState.DUPLICATE if what == "copy" else FrameState.PENDING)
-            event_log.frame(came[-1], now, fresh=what == "frame")
+            if what == "frame":
+                event_log.frame(came[-1], now, fresh=True)
+            else:
+                event_log.copy(came[-1], of=came[which % len(came)].name)
         elif what == "tick":
             event_log.tick(now)
         elif what == "save":
@@ -175,7 +178,9 @@ def test_the_accounts_of_a_real_ledger_close(flight: list[Any], tmp_path_factory
         assert states["pending"] == 0
         ends = [getattr(accounts.frames, state.value) for state in FrameState]
         assert sum(ends) == came == len(ledger.frames())
-        assert accounts.orphans == came - states["matched"]
+        copies = [one for one in ledger.frames() if one.state is FrameState.DUPLICATE]
+        assert accounts.orphans == came - len(copies) - states["matched"]
+        assert not any(copy.had_event for copy in copies)
 
 
 @pytest.mark.parametrize("how", ["a slow camera clock", "asked of a stream", "written again"])
@@ -215,3 +220,22 @@ def test_of_the_frames_that_are_remembered_no_file_stays_in_memory(tmp_path: Pat
             log.save()
             assert sys.getrefcount(whole) == before
         assert ledger.events()[0].frame == "a.jpg", "it is remembered"
+
+
+def test_a_copy_tells_the_frame_by_another_name_after_a_restart_too(tmp_path: Path) -> None:
+    """As where a program renames what it has received: the event is about the frame that is on the map."""
+    with closing(Ledger(tmp_path / "flight.sqlite")) as ledger:
+        first, again = frame("upload.jpg", 1000.0), frame("a.jpg", 1001.0)
+        shots, log = Shots(ShotSettings()), EventLog(ledger, PairingSettings())
+        ledger.record_frame(first)
+        log.frame(first, 1000.0, fresh=True)
+        ledger.record_frame(again)
+        ledger.settle_frame("a.jpg", FrameState.DUPLICATE, "the same picture as upload.jpg")
+        log.copy(again, of="upload.jpg")
+        assert ledger.accounts().orphans == 1
+        log = EventLog(ledger, PairingSettings())
+        log.resume(told_again([], ledger.frames(), []), Shots(ShotSettings()), 0.0, tmp_path)
+        log.message(shots.hear(trigger_event(received=1002.0, file_hint="a.jpg")), 1002.0)
+        log.save()
+        assert [one.frame for one in ledger.events()] == ["upload.jpg"]
+        assert ledger.accounts().orphans == 0
