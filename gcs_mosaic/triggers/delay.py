@@ -14,6 +14,7 @@ from statistics import median
 MOST_FILES, MOST_SHOTS = 32, 80  # newest ones that are kept
 _TRIED = 4  # newest files that supply candidates
 _SHARP_S = 1.0  # a file further than this from a shot scores nothing
+_AT_ONCE_S = 0.05  # shots so close are of several cameras that are triggered together: no burst is faster
 _BETTER = 4.0  # files by which another delay must score higher: chance alone reaches 3
 _FOLLOW = 0.2  # share of the files' median distance by which the delay is tracked
 
@@ -48,7 +49,7 @@ class UsualDelay:
             self.value = best
         elif self._shots:
             self.value += _FOLLOW * self._median_distance(self.value)
-        self.tolerance_s = min(self._widest_s, self.usual_gap_s / 2) if len(self._shots) > 1 else self._widest_s
+        self.tolerance_s = min(self._widest_s, self.usual_gap_s / 2 or self._widest_s)
 
     @property
     def shots(self) -> int:
@@ -57,8 +58,8 @@ class UsualDelay:
 
     @property
     def usual_gap_s(self) -> float:
-        """Between two shots."""
-        gaps = [later - earlier for earlier, later in pairwise(self._shots)]
+        """Between two shots; those that several cameras take at once are of one time."""
+        gaps = [gap for earlier, later in pairwise(self._shots) if (gap := later - earlier) > _AT_ONCE_S]
         return median(gaps) if gaps else 0.0
 
     def agreement(self) -> float:

@@ -46,3 +46,15 @@ def test_a_delay_that_grows_slowly_is_followed() -> None:
 
 def test_half_the_time_between_shots_is_too_far() -> None:
     assert learnt(1.0).tolerance_s == pytest.approx(1.0)
+
+
+def test_cameras_that_are_triggered_at_once_leave_the_time_between_shots_as_it_is() -> None:
+    """Each shot is told once for each of them, a moment apart, and each brings a file."""
+    usual = UsualDelay(early_s=2.0, window_s=15.0, widest_s=4.0)
+    for n in range(20):
+        for camera in range(2):
+            usual.shot(2.0 * n + 0.004 * camera)
+        for camera in range(2):
+            usual.file(2.0 * n + 0.5 + 0.02 * camera)
+    assert usual.usual_gap_s == pytest.approx(2.0, abs=0.01)
+    assert usual.tolerance_s == pytest.approx(1.0, abs=0.01)

@@ -58,3 +58,15 @@ def test_the_file_that_is_named_itself_comes_before_its_companions(other: str, l
         items += [(number, shot(at, number, name)), file(at + late, name), file(at + 1.5, other.format(number))]
         named[number] = name
     assert Flight().fly(*items).pairs() == named
+
+
+def test_two_cameras_that_are_triggered_at_once_find_their_files_while_the_flight_goes_on() -> None:
+    """As an autopilot with two cameras tells them: two messages of one moment, with counters of their own and no name."""
+    flight = Flight()
+    for n in range(10):
+        at = 2.0 * n
+        flight.fly(*((2 * n + camera, shot(at + 0.003 * camera, n, camera=camera)) for camera in range(2)))
+        flight.fly(file(at + 0.4, f"DSC{n:05}.JPG"), file(at + 0.45, f"FLIR{n + 40:04}.JPG"))
+    assert flight.pairing.tick(100.0) == []
+    assert [flight.pairs()[2 * n][:3] for n in range(10)] == ["DSC"] * 10
+    assert [flight.pairs()[2 * n + 1][:4] for n in range(10)] == ["FLIR"] * 10
