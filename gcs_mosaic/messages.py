@@ -77,7 +77,7 @@ class TriggerEvent:
     clock: Literal["boot", "epoch", "none"]  # epoch of `source_time`
     utc: float | None
     result: CaptureResult
-    file_hint: str | None  # base name only, path already stripped
+    file_hint: str | None  # base name, after its folder and a slash where that was told: 101MEDIA/DJI_0001.JPG
     position: Position | None
     latest: float | None = field(default=None, compare=False)  # when it was read, if `received` is an estimate
     sender: str = field(default="", compare=False)  # the peer's address, where the link knows it

@@ -44,8 +44,24 @@ def decode_offer(message: MavMessage) -> StreamOffer | None:
 
 def base_name(url: str) -> str | None:
     """Base name of a URL or of a path of any system, safe to look up within a folder; None if there is none."""
-    last = re.split(r"[/\\]", unquote(re.split(r"[?#]", url)[0]))[-1]
-    printable = "".join(letter for letter in last if not _is_control(letter)).strip()
+    return _printable(_parts_of(url)[-1])
+
+
+def named_file(url: str) -> str | None:
+    """Base name of a URL or path, after its folder and a slash: a camera that begins a new folder begins to count anew. None if
+    there is no name. Only to be compared with the names of files, never to be opened."""
+    parts = _parts_of(url)
+    name, folder = _printable(parts[-1]), _printable(parts[-2]) if len(parts) > 1 else None
+    whole = f"{folder}/{name}"
+    return name if name is None or folder is None or len(whole) > LONGEST_NAME else whole
+
+
+def _parts_of(url: str) -> list[str]:
+    return re.split(r"[/\\]", unquote(re.split(r"[?#]", url)[0]))
+
+
+def _printable(part: str) -> str | None:
+    printable = "".join(letter for letter in part if not _is_control(letter)).strip()
     return printable if printable.strip(".") and len(printable) <= LONGEST_NAME else None
 
 
@@ -80,7 +96,7 @@ def _camera_image_captured(message: MavMessage, received: float) -> TriggerEvent
         sequence=message.image_index if message.image_index >= 0 else None,
         utc=plausible_utc(message.time_utc / 1e6),
         result=_RESULTS.get(message.capture_result, CaptureResult.UNKNOWN),
-        file_hint=base_name(message.file_url),
+        file_hint=named_file(message.file_url),
         position=_position(message.lat, message.lon, message.alt / 1e3),
     )
 

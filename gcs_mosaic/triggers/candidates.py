@@ -39,8 +39,14 @@ def _may_take(event: PendingEvent, frame: PendingFrame) -> bool:
     """Whether no name has settled the event, or only that of a companion while it names this frame itself."""
     names = {hint.casefold() for _, hint in event.hints}
     if event.frame is not None and _is_called(event.frame, names):
-        return False
+        return _is_of_folder(event, frame) and not _is_of_folder(event, event.frame)
     return event.how is not How.NAME or _is_called(frame, names)
+
+
+def _is_of_folder(event: PendingEvent, frame: PendingFrame) -> bool:
+    """Whether the event names the frame's file with its folder: cameras call files of two folders alike."""
+    path = frame.frame.path
+    return (path.parent.name.casefold(), path.name.casefold()) in event.folders
 
 
 def _is_called(frame: PendingFrame, folded: Collection[str]) -> bool:
@@ -75,8 +81,8 @@ class FrameSearch:
             return None
         believed = [hint for teller, hint in event.hints if self._is_believed(event, teller)]
         keys = [key for keys in zip(*map(keys_of, believed), strict=True) for key in keys]
-        frames = (frame for key in keys for frame in self._frames.under(key))
-        return next((frame for frame in frames if self._may_be_named(event, frame)), None)
+        frames = {frame: None for key in keys for frame in self._frames.under(key) if self._may_be_named(event, frame)}
+        return max(frames, key=lambda frame: _is_of_folder(event, frame), default=None)  # the first of equals
 
     def naming(self, frame: PendingFrame) -> PendingEvent | None:
         """The event that names the frame, unless already matched by name as well; the more credible comes first."""
@@ -89,7 +95,7 @@ class FrameSearch:
             if _may_take(event, frame) and not _came_before(event, frame)
             if any(keys_of(hint)[-1] in keys and self._is_believed(event, teller) for teller, hint in event.hints)
         ]
-        return max(meant, key=self.rank, default=None)  # the first of equals
+        return max(meant, key=lambda event: (self.rank(event), _is_of_folder(event, frame)), default=None)
 
     def names(self, event: PendingEvent, frame: PendingFrame) -> bool:
         """Whether a believed message about the event gives just this name."""
@@ -107,7 +113,12 @@ class FrameSearch:
     def _may_be_named(self, event: PendingEvent, frame: PendingFrame) -> bool:
         if _came_before(event, frame):
             return False
-        return not frame.event or (frame.event.how is not How.NAME and self.rank(event) >= self.rank(frame.event))
+        if frame.event is None:
+            return True
+        is_surer = frame.event.how is not How.NAME or (
+            _is_of_folder(event, frame) and not _is_of_folder(frame.event, frame)
+        )
+        return is_surer and self.rank(event) >= self.rank(frame.event)
 
     def numbered(self, event: PendingEvent) -> PendingFrame | None:
         """The orphan whose file number agrees with one of the event's counters."""

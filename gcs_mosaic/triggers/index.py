@@ -25,7 +25,8 @@ class State(Enum):
 
 @dataclass(slots=True, eq=False)
 class PendingEvent:
-    """An event; `counts` and `hints` (file names) are of all that told it, `moment` is its time on the host's monotonic clock."""
+    """An event; `counts`, `hints` (base names of files) and `folders` (theirs and these, without case) are of all that
+    told it, `moment` is its time on the host's monotonic clock."""
 
     id: int
     event: TriggerEvent
@@ -36,6 +37,7 @@ class PendingEvent:
     how: How | None = None
     counts: list[Count] = field(default_factory=list)
     hints: list[tuple[Teller, str]] = field(default_factory=list)
+    folders: set[tuple[str, str]] = field(default_factory=set)
     tellers: list[Teller] = field(default_factory=list)
 
     @property

@@ -12,7 +12,7 @@ from gcs_mosaic.triggers.candidates import FrameSearch, keys_of, lag
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.doubts import Doubts
 from gcs_mosaic.triggers.index import Index, PendingEvent, PendingFrame, State
-from gcs_mosaic.triggers.names import numbers_in
+from gcs_mosaic.triggers.names import folder_and_base, numbers_in
 from gcs_mosaic.triggers.outcomes import EventCounts, Failed, How, Matched, Missing, Orphan, Outcome, Unmatched
 from gcs_mosaic.triggers.settings import PairingSettings
 from gcs_mosaic.triggers.stretch import LIVE, is_odd, judge, may_change
@@ -185,8 +185,10 @@ class Pairing:
             held.counts.append((stream, event.sequence))
             self._events.put(held, [(stream, event.sequence)])
         if event.file_hint:
-            held.hints.append((event.teller, event.file_hint))
-            self._events.put(held, keys_of(event.file_hint))
+            folder, base = folder_and_base(event.file_hint)
+            held.hints.append((event.teller, base))
+            held.folders |= {(folder.casefold(), base.casefold())} if folder else set()
+            self._events.put(held, keys_of(base))
 
     def _find_frame(self, held: PendingEvent, *, by_time: bool = True) -> Iterator[Outcome]:
         if frame := self._search.named(held):

@@ -14,6 +14,12 @@ _MOST_NUMBERS = 6
 _ADDED = re.compile(r"(?<=[0-9])(?:[_\- .]*(?:[a-z]{1,10}|\([0-9]{1,2}\)))+$")
 
 
+def folder_and_base(hint: str) -> tuple[str, str]:
+    """Folder ("" if none was told) and base name of a file that a message names."""
+    folder, _, base = hint.rpartition("/")
+    return folder, base
+
+
 def stem_of(name: str) -> str:
     """What a file and its companions have in common: without case, extension, and what was added behind the last number."""
     stem = name.rpartition(".")[0] or name

@@ -56,7 +56,7 @@ def test_all_three_messages_are_heard(vehicle: Vehicle) -> None:
     vehicle.send(packet(trigger(1)), packet(feedback(2)), packet(captured(3, file_url=b"a/b.jpg"), component=100))
     events = [vehicle.next_event() for _ in range(3)]
     assert [event.sequence for event in events] == [1, 2, 3]
-    assert events[2].file_hint == "b.jpg"
+    assert events[2].file_hint == "a/b.jpg"
     assert 0 <= time.monotonic() - events[0].received < 5
 
 

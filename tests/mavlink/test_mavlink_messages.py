@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from gcs_mosaic.mavlink.messages import base_name, decode, decode_offer
+from gcs_mosaic.mavlink.messages import base_name, decode, decode_offer, named_file
 from gcs_mosaic.messages import CaptureResult, Position, Source, TriggerEvent
 from tests.mavlink.mavlink_peer import captured, feedback, heartbeat, received, trigger
 
@@ -44,7 +44,7 @@ def test_camera_feedback_is_certain_only_with_a_pin(flags: int, result: str) -> 
 def test_image_captured_names_its_file() -> None:
     url = b"http://10.0.0.5/DCIM/100MEDIA/IMG_0042.JPG?token=1#x"
     event = event_of(captured(42, time_boot_ms=60_250, time_utc=1_750_000_000_000_000, file_url=url), component=100)
-    assert (event.source, event.file_hint) == (Source.IMAGE_CAPTURED_BY_CAMERA, "IMG_0042.JPG")
+    assert (event.source, event.file_hint) == (Source.IMAGE_CAPTURED_BY_CAMERA, "100MEDIA/IMG_0042.JPG")
     assert (event.clock, event.source_time, event.utc) == ("boot", 60.25, 1_750_000_000.0)
 
 
@@ -112,8 +112,26 @@ def test_only_a_base_name_is_left_of_a_url(url: str, name: str | None) -> None:
     assert base_name(url) == name
 
 
+@pytest.mark.parametrize(
+    ("url", "name"),
+    [
+        ("IMG_1.JPG", "IMG_1.JPG"),
+        ("mftp://IMG_1.JPG", "IMG_1.JPG"),
+        ("mftp:///fs/DCIM/101MEDIA/IMG_1.JPG", "101MEDIA/IMG_1.JPG"),
+        (r"D:\DCIM\101MEDIA\IMG_1.JPG", "101MEDIA/IMG_1.JPG"),
+        ("../../IMG_1.JPG", "IMG_1.JPG"),
+        ("%2e%2e/x%2f\x1bIMG_1.JPG", "x/IMG_1.JPG"),
+        ("DCIM/101MEDIA/", None), ("a" * 120 + "/IMG_1.JPG", "IMG_1.JPG"),
+    ],
+)  # fmt: skip
+def test_a_file_is_named_with_its_folder(url: str, name: str | None) -> None:
+    assert named_file(url) == name
+
+
 @given(st.text(max_size=300))
 def test_a_base_name_never_leads_anywhere(url: str) -> None:
-    name = base_name(url)
+    name, named = base_name(url), named_file(url) or ""
+    assert len(named) <= 128
+    assert named.rpartition("/")[2] == (name or "")
     assert name is None or 0 < len(name) <= 128
     assert name is None or (not set(name) & set("/\\\0\n\r\x1b\u202e\u2028") and name.strip(".") != "")

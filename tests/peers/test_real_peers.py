@@ -68,7 +68,7 @@ def test_through_mavproxy_and_the_recordings_of_both_are_alike(tmp_path: Path, p
         assert_every_shot_matched(flight, taken)
     ours = flight.out / "flight.tlog"
     names = [event.file_hint for event in read_recording(theirs, LinkSettings()).events]
-    assert names == taken
+    assert names == [f"100TEST/{name}" for name in taken]
     assert captured(ours) == captured(theirs) == [f"/DCIM/100TEST/{name}" for name in taken]
 
 

@@ -339,3 +339,23 @@ def test_pairs_that_the_cameras_clock_contradicts_are_corrected_in_flight() -> N
     assert {n: name for n, name in flight.pairs().items() if n < 22} == {n: f"{n}-x.jpg" for n in range(22)}
     flight.outcomes += flight.pairing.close()
     assert flight.pairs() == {n: f"{n}-x.jpg" for n in range(40)}
+
+
+@pytest.mark.parametrize("early", [False, True])
+@pytest.mark.parametrize("order", ["01", "10"])
+def test_of_files_of_one_name_the_one_in_the_folder_that_is_told_is_meant(order: str, *, early: bool) -> None:
+    """A camera that begins a new folder begins to count anew; its files are copied after the messages, or come before them."""
+    told = [(n, shot(20.0 + n, hint=f"10{n}MEDIA/DJI_0001.JPG")) for n in (1, 0)]
+    first = 19.0 if early else 40.0
+    files_there = [file(first + 0.1 * n, f"card/10{folder}media/DJI_0001.JPG") for n, folder in enumerate(order)]
+    assert Flight().fly(*told, *files_there).pairs() == {n: f"card/10{n}media/DJI_0001.JPG" for n in (0, 1)}
+
+
+def test_a_file_that_lies_in_another_folder_than_was_told_is_taken_all_the_same() -> None:
+    flight = Flight().fly(
+        (0, shot(0.0, hint="100MEDIA/a.jpg")),
+        file(1.0, "a.jpg"),
+        (1, shot(2.0, hint="b.jpg")),
+        file(3.0, "sorted/b.jpg"),
+    )
+    assert flight.pairs() == {0: "a.jpg", 1: "sorted/b.jpg"}

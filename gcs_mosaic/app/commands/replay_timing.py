@@ -18,7 +18,7 @@ from gcs_mosaic.messages import CaptureResult, TriggerEvent
 from gcs_mosaic.triggers.alignment import MOST, Alignment, align
 from gcs_mosaic.triggers.counters import StreamKey
 from gcs_mosaic.triggers.doubts import NONE, Doubts
-from gcs_mosaic.triggers.names import numbers_in, stem_of
+from gcs_mosaic.triggers.names import folder_and_base, numbers_in, stem_of
 from gcs_mosaic.triggers.rulers import FileClue, ShotClue
 from gcs_mosaic.triggers.shots import CameraMessage, New
 
@@ -96,8 +96,9 @@ def _taken(messages: Iterable[CameraMessage]) -> list[_Taken]:
         if shot is not None and event.sequence is not None:
             shot.counts[StreamKey(event.vehicle, event.component, event.camera, event.source)] = event.sequence
         if shot is not None and event.file_hint:
-            shot.stems.add(stem_of(event.file_hint))
-            shot.counts.update(numbers_in(event.file_hint))
+            _, base = folder_and_base(event.file_hint)
+            shot.stems.add(stem_of(base))
+            shot.counts.update(numbers_in(base))
     took = [shot for shot in shots.values() if shot.event.result is not CaptureResult.FAILED]
     return sorted(took, key=lambda shot: shot.moment)
 
