@@ -10,11 +10,12 @@ from collections.abc import Callable, Set
 from pathlib import PurePosixPath
 from typing import TypeAlias
 
-# Folders that viewers, storage boxes and cameras fill with small copies; matched without regard to case. Hidden ones are
-# skipped anyway.
+# Folders that viewers, storage boxes and cameras (Sony's THMBNL) fill with small copies, or systems with what was there before;
+# matched without regard to case. Hidden ones are skipped anyway.
 PREVIEW_FOLDERS = frozenset(
     {"@eadir", "@recycle", "#recycle", "$recycle.bin", "__macosx", "thumb", "thumbs", "thumbnail", "thumbnails"}
-    | {"preview", "previews", "proxy", "proxies", "lrv", "thm", "screennail", "screennails"}
+    | {"preview", "previews", "proxy", "proxies", "lrv", "thm", "thmbnl", "screennail", "screennails"}
+    | {"recycler", "recycled", "#snapshot", "~snapshot"}
 )
 RAW_SUFFIXES = frozenset(
     {

@@ -16,7 +16,10 @@ from gcs_mosaic.messages import SourceReport
 from tests.frames.image_files import encoded, picture
 from tests.frames.test_directory import Watched
 
-FOLDERS = ("@eaDir", "thumbs", "Thumbnails", "PREVIEW", "proxy", ".thumbnails", ".@__thumb", "#recycle")
+FOLDERS = (
+    *("@eaDir", "thumbs", "Thumbnails", "PREVIEW", "proxy", ".thumbnails", ".@__thumb", "#recycle"),
+    *("THMBNL", "#snapshot", "Recycled"),
+)
 
 
 def report(watched: Watched) -> SourceReport:
@@ -31,7 +34,7 @@ def test_folders_of_small_copies_are_not_looked_into_which_is_said_once(tmp_path
     assert watched.names(3) == ["DCIM/100/IMG_1.jpg"]
     again = Watched(tmp_path)
     texts = [text for text in again.texts(6) if "small copies" in text]
-    assert len(texts) == len(set(texts)) == 6  # hidden ones are hidden
+    assert len(texts) == len(set(texts)) == 9  # hidden ones are hidden
 
 
 def test_the_watched_folder_itself_may_be_called_so(tmp_path: Path) -> None:
