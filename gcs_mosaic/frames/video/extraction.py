@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -165,7 +165,7 @@ class _Extraction:
         except OSError as error:
             stopped = f"it cannot be read any further ({error.strerror or type(error).__name__})"
         stopped = ENCRYPTED if self._film.is_encrypted else stopped
-        yield from self._chosen(seconds + 10 * self._settings.patience_s)
+        yield from self._chosen(seconds + 10 * self._settings.patience_s, self._ring.pictures())
         yield ReadToTheEnd(seconds, self._pictures, self._damaged, self._taken, stopped)
         self._film.close()
 
@@ -175,11 +175,12 @@ class _Extraction:
         self._hear()
         taken = StreamPicture(self._converter.picture(picture.video), picture.seconds, _CLOCK, picture.damaged)
         self._turned[id(taken)] = picture.orientation
+        # Of a slow camera or a time lapse the picture before is the one that is waited for, and is dropped when the next comes.
+        yield from self._chosen(picture.seconds, [*self._ring.pictures(), taken])
         self._ring.put(taken, picture.seconds)
         self._turned = {id(one): self._turned[id(one)] for one in self._ring.pictures()}
         if self._is_wanted(taken):
             self._picker.ask(Ask(picture.seconds), picture.seconds)
-        yield from self._chosen(picture.seconds)
 
     def _is_wanted(self, picture: StreamPicture) -> bool:
         if self._go_on is not None:
@@ -190,8 +191,8 @@ class _Extraction:
             return True
         return not picture.damaged and self._wishes.moment(picture) is not None
 
-    def _chosen(self, now: float) -> Iterator[ChosenPicture]:
-        for decided in self._picker.due(self._ring.pictures(), now):
+    def _chosen(self, now: float, pictures: Sequence[StreamPicture]) -> Iterator[ChosenPicture]:
+        for decided in self._picker.due(pictures, now):
             if isinstance(decided, Pick):
                 self._taken += 1
                 yield self._encoded(decided)

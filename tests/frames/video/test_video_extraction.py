@@ -244,3 +244,18 @@ def test_a_video_that_was_cut_short_gives_what_it_has(tmp_path: Path) -> None:
     some = chosen(path)
     assert 1 <= len(some) < len(whole)
     assert [one.ms for one in some] == [one.ms for one in whole[: len(some)]]
+
+
+@pytest.mark.parametrize("apart_ms", [600, 1000, 4000])
+def test_of_a_video_with_few_pictures_a_second_frames_are_taken_too(tmp_path: Path, apart_ms: int) -> None:
+    """A time lapse, a thermal camera's recording, a camera that slows down in poor light."""
+    shift = 0.36 * WIDTH
+    pictures, stamps = [view(100 + shift * k) for k in range(8)], [apart_ms * k for k in range(8)]
+    assert [one.ms for one in chosen(write_film(tmp_path / "a.mp4", pictures, stamps_ms=stamps))] == stamps
+
+
+def test_of_a_video_that_slows_down_the_slow_part_is_taken_too(tmp_path: Path) -> None:
+    stamps = [*range(0, 1000, 40), *range(1000, 12_000, 900)]
+    pictures = [view(100 + 16 * k) for k in range(len(stamps))]
+    found = [one.ms for one in chosen(write_film(tmp_path / "a.mp4", pictures, stamps_ms=stamps))]
+    assert len([ms for ms in found if ms >= 1000]) == 2  # each sixth shows 30 % that is new
