@@ -125,6 +125,10 @@ NEWS = {
         "missing",
         replace(FLYING, accounts=replace(FLYING.accounts, events=EventAccount(matched=8, missing=1))),
     ),
+    "not paired": (
+        "missing",
+        replace(FLYING, accounts=Accounts(events=EventAccount(missing=16), frames=FrameAccount(placed=14), orphans=14)),
+    ),
     "several": (
         "missing",
         replace(FLYING, accounts=replace(FLYING.accounts, events=EventAccount(matched=8, missing=3))),
@@ -133,7 +137,18 @@ NEWS = {
 
 
 STAY = {
-    *("raw", "left", "one left", "left, and a clock", "islands", "orphan", "orphans", "missing", "several"),
+    *(
+        "raw",
+        "left",
+        "one left",
+        "left, and a clock",
+        "islands",
+        "orphan",
+        "orphans",
+        "missing",
+        "several",
+        "not paired",
+    ),
     *("refused, not signed", "refused, another key", "refused, old"),
     *("only a ground station", "triggers", "no trigger of one"),
     *("stream not asked", "no picture of the stream", "no pictures"),
@@ -197,6 +212,20 @@ def test_a_link_that_is_silent_because_all_is_refused_is_told_so() -> None:
     assert one.text.startswith("All packets on udp:14550 are refused, because they are signed with another key")
     (one,) = conditions.so_now(replace(FLYING, links=(silent,), utc=1020.0))
     assert one.text.startswith("The link udp:14550 is silent")
+
+
+def test_pictures_that_wait_for_their_shots_are_not_sought_on_the_card() -> None:
+    """Those of a card that is copied after landing, which are paired when all are there."""
+    _, facts = NEWS["not paired"]
+    (now,) = Conditions().so_now(facts)
+    assert now.text.startswith(
+        "Shots without a picture: 16, pictures without a trigger: 14. Which belong together is decided"
+    )
+    assert now.level == "warning"
+    (fewer,) = Conditions().so_now(replace(facts, accounts=replace(facts.accounts, orphans=16)))
+    assert fewer.level == "info"
+    (ended,) = Conditions().at_the_end(facts)
+    assert ended.text.startswith("16 shots have no picture: see whether it is on the camera's card")
 
 
 def test_an_aircraft_on_another_link_suffices() -> None:
