@@ -60,7 +60,7 @@ from gcs_mosaic.store.rows import (
     reported_position_of,
     support_row,
 )
-from gcs_mosaic.store.stored_text import stored
+from gcs_mosaic.store.stored_text import restored, stored
 from gcs_mosaic.store.told_documents import EventAccount, FrameAccount
 
 NO_PICTURES = "('duplicate', 'damaged')"  # states of files that no event is to be expected of
@@ -154,6 +154,13 @@ class Ledger(LedgerFile):
         return [
             (name_of(row), row["camera"]) for row in self.rows("SELECT name, camera FROM other_files ORDER BY rowid")
         ]
+
+    def shots_of_other_cameras(self) -> frozenset[int]:
+        """Ids of the events without a picture that name a file of a camera that is not mapped: it has come, and is left out."""
+        columns = "SELECT id, file_hint FROM events WHERE state = 'missing' AND file_hint IS NOT NULL"
+        named = [(row["id"], _base_name(restored(row["file_hint"]))) for row in self.rows(columns)]
+        left_out = {_base_name(name) for name, _ in self.other_files()} if named else set[str]()
+        return frozenset(number for number, name in named if name in left_out)
 
     def record_new_bytes(self, frame: Frame) -> None:
         """Record that a frame's file holds the same picture in other bytes now; its time is still that of the picture."""
@@ -473,3 +480,8 @@ def marks(values: tuple[object, ...]) -> str:
 def printable(text: str) -> str:
     """Display text that may quote a file name with undecodable bytes."""
     return text.encode("utf-8", "replace").decode("utf-8")
+
+
+def _base_name(name: str | None) -> str:
+    """Of a file in a folder, without case."""
+    return (name or "").rpartition("/")[2].casefold()

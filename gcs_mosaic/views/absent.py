@@ -78,7 +78,9 @@ def absent_shots(view: FlightView) -> list[AbsentShot]:
     heard = {event.frame: event.event.received for event in events if event.frame is not None}
     by_events = _Track(heard, middles)
     by_files = _Track({frame.name: frame.modified for frame in frames if frame.modified is not None}, middles)
-    off_the_map, missing = _of_frames(frames, heard, by_events, by_files), _of_events(events, by_events)
+    left_out = view.shots_of_other_cameras()
+    missing = _of_events((event for event in events if event.id not in left_out), by_events)
+    off_the_map = _of_frames(frames, heard, by_events, by_files)
     return [*deque(off_the_map, MOST), *deque(missing, MOST)]
 
 

@@ -153,6 +153,11 @@ class FlightView:
         with self.ledger() as ledger:
             return ledger.events()
 
+    def shots_of_other_cameras(self) -> frozenset[int]:
+        """Ids of events whose files are of a camera that is not mapped. Raises UsageError."""
+        with self.ledger() as ledger:
+            return ledger.shots_of_other_cameras()
+
     def reported_positions(self) -> list[ReportedPosition]:
         """What messages said of where frames were taken. Raises UsageError."""
         with self.ledger() as ledger:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gcs_mosaic.messages import OtherFile
 from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.store.documents import write_json
@@ -95,3 +96,14 @@ def test_shots_that_somebody_forged_push_no_frame_off_the_list(
     for number, state in enumerate([FrameState.REJECTED, *[None] * 9]):
         shot(ledger, number, state)
     assert [one.state for one in absent_shots(FlightView(tmp_path))] == ["rejected", *["missing"] * 3]
+
+
+def test_shots_of_a_camera_that_is_left_out_are_not_absent(ledger: Ledger, tmp_path: Path) -> None:
+    """Where each of several cameras tells its own file of each shot: one of them is mapped."""
+    for number, hint in enumerate(("a_W.jpg", "100MEDIA/A_T.JPG", "b_T.jpg")):
+        event = ledger.record_event(trigger_event(number, 1000.0, file_hint=hint))
+        ledger.settle_event(event, EventState.MISSING)
+    assert ledger.shots_of_other_cameras() == frozenset()
+    ledger.record_other(OtherFile(frame=frame("card/100MEDIA/a_t.jpg"), camera="_t", mapped="_w"))
+    assert ledger.shots_of_other_cameras() == {2}
+    assert [one.name for one in absent_shots(FlightView(tmp_path))] == ["a_W.jpg", "b_T.jpg"]

@@ -60,6 +60,9 @@ NO_PICTURE_OF_STREAM = (
     "{shots} no picture: the stream brought none of that time; if the camera's card has it, gcs-mosaic stitch maps it"
 )
 
+OF_OTHER_CAMERAS = (
+    "Shots of cameras that are not mapped: {n}. Their files have come and are left out; nothing is to be done"
+)
 NOT_PAIRED = (
     "Shots without a picture: {shots}, pictures without a trigger: {pictures}. Which belong together is decided when the flight "
     "ends; a picture that is still on the camera's card is taken once it is copied into the watched folder"
@@ -80,6 +83,7 @@ class Facts:
     accounts: Accounts = field(default_factory=Accounts)
     islands: int = 0
     held_out: Figures = field(default_factory=dict)
+    of_other_cameras: int = 0  # missing shots whose files have come, of cameras that are not mapped
 
 
 class Conditions:
@@ -287,14 +291,16 @@ def _of_shots(facts: Facts) -> Iterator[SoNow]:
         pictures = "1 picture" if unannounced == 1 else f"{unannounced} pictures"
         text = f"{pictures} came without a trigger: mapped as any other"
         yield SoNow("orphans", "info", text, said=False, held_s=HELD_S, stays=text)
-    if events.missing:
-        yield _of_missing(facts, unannounced)
+    if facts.of_other_cameras:
+        text = OF_OTHER_CAMERAS.format(n=facts.of_other_cameras)
+        yield SoNow("shots of other cameras", "info", text, said=False, stays=text)
+    if events.missing > facts.of_other_cameras:
+        yield _of_missing(facts, events.missing - facts.of_other_cameras, unannounced)
 
 
-def _of_missing(facts: Facts, unannounced: int) -> SoNow:
+def _of_missing(facts: Facts, missing: int, unannounced: int) -> SoNow:
     """Shots whose pictures have not come, or are not known among `unannounced` ones: of files that are copied after landing
     neither counters nor times tell that before all are there."""
-    missing = facts.accounts.events.missing
     shots = "1 shot has" if missing == 1 else f"{missing} shots have"
     if {one.kind for one in (facts.source, *facts.sources) if one} == {"stream"}:
         text = NO_PICTURE_OF_STREAM.format(shots=shots)

@@ -172,6 +172,7 @@ class Reporter:
             accounts=self.accounts,
             islands=islands,
             held_out=held_out,
+            of_other_cameras=len(self._ledger.shots_of_other_cameras()) if self.accounts.events.missing else 0,
         )
 
     def _record(self) -> None:

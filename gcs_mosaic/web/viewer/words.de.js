@@ -347,6 +347,7 @@ export default {
   "Set a pin": "Marke setzen",
   "Shade what nobody reviewed": "Abdunkeln, was niemand gesichtet hat",
   "Shadows and what stands up differ, too.": "Auch Schatten und Hohes sind anders.",
+  "Shots of cameras that are not mapped: {n}. Their files have come and are left out; nothing is to be done": "Aufnahmen von Kameras, die nicht kartiert werden: {n}. Ihre Dateien sind gekommen und bleiben weg; nichts ist zu tun",
   "Shots without a picture: {shots}, pictures without a trigger: {pictures}. Which belong together is decided when the flight ends; a picture that is still on the camera's card is taken once it is copied into the watched folder": "Aufnahmen ohne Bild: {shots}, Bilder ohne Auslöser: {pictures}. Was zusammengehört, wird am Ende des Flugs entschieden; ein Bild, das noch auf der Karte der Kamera liegt, wird genommen, sobald es in den beobachteten Ordner kopiert ist",
   "Show": "Zeigen",
   "Show the ground instead of the canopy": "Den Boden statt der Kronen zeigen",

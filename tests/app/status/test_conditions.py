@@ -129,6 +129,12 @@ NEWS = {
         "missing",
         replace(FLYING, accounts=Accounts(events=EventAccount(missing=16), frames=FrameAccount(placed=14), orphans=14)),
     ),
+    "of other cameras": (
+        "shots of other cameras",
+        replace(
+            FLYING, of_other_cameras=3, accounts=replace(FLYING.accounts, events=EventAccount(matched=3, missing=3))
+        ),
+    ),
     "several": (
         "missing",
         replace(FLYING, accounts=replace(FLYING.accounts, events=EventAccount(matched=8, missing=3))),
@@ -137,6 +143,7 @@ NEWS = {
 
 
 STAY = {
+    "of other cameras",
     *(
         "raw",
         "left",
