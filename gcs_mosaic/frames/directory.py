@@ -26,7 +26,7 @@ from gcs_mosaic.frames.passed_over import Kinds, PassedOver, stem_of
 from gcs_mosaic.frames.pending_file import Candidate, Prove, Unread, file_and_version
 from gcs_mosaic.frames.previews import Previews
 from gcs_mosaic.frames.rtsp.settings import StreamSettings
-from gcs_mosaic.frames.scan import Look, Scan, scan
+from gcs_mosaic.frames.scan import Look, Scan, mount_of, scan
 from gcs_mosaic.frames.settings import FolderSettings
 from gcs_mosaic.frames.shot_names import is_band, shot_file
 from gcs_mosaic.frames.video.watched import WatchedVideos
@@ -153,6 +153,7 @@ class FolderWatch:
         self._said_doubt = self._said_old = False
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
+        self._mount: tuple[Path, Path] | None = None  # of that, as `mount_of` tells it
         self._missing = False
         self._since_utc = started_utc
         self._last_utc: float | None = None
@@ -388,11 +389,14 @@ class FolderWatch:
             yield Notice(source=folder, level="info", text=f"the folder {folder} is back")
 
     def _unmounted(self, found: Scan) -> str:
-        """Where a disk with images was mounted, the empty folder below its mount is no folder of frames."""
-        if found.images:
-            self._device = found.device
-        away = self._device is not None and found.device != self._device and not found.is_mount
-        return "is empty, its disk is gone" if away else ""
+        """Where a disk with images was mounted, the empty folder below its mount is no folder of frames; that of another disk in
+        its place is one, such as of the next card."""
+        if found.images and found.device != self._device:
+            self._device, self._mount = found.device, mount_of(self._folder)
+        if self._mount is None or found.device == self._device:
+            return ""
+        (before, mounted), (now, at) = self._mount, mount_of(self._folder)
+        return "is empty, its disk is gone" if now == before and at != mounted and at in mounted.parents else ""
 
     @property
     def _taken_as_frames(self) -> int:

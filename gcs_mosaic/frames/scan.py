@@ -52,7 +52,6 @@ class Scan:
     unreadable: set[str] = field(default_factory=set)  # sentences: what could not be inspected, and why
     missing: str = ""  # why the folder itself cannot be read, as the end of a sentence
     device: int | None = None  # of the folder; None if it is missing
-    is_mount: bool = False  # whether the folder is where a disk is mounted
 
     def pass_over(self, path: str, error: OSError) -> None:
         """Note what could not be inspected; files that have vanished are not reported."""
@@ -67,7 +66,7 @@ def scan(folder: Path) -> Scan:
     found = Scan()
     try:
         os.scandir(folder).close()
-        found.device, found.is_mount = folder.stat().st_dev, folder.is_mount()
+        found.device = folder.stat().st_dev
     except OSError as error:
         how = "is gone" if error.errno in (errno.ENOENT, errno.ENOTDIR) else "cannot be read"
         found.missing = f"{how} ({error.strerror or error})"
@@ -85,6 +84,12 @@ def scan(folder: Path) -> Scan:
         elif look := _look(entry, path, name, found):
             (found.videos if suffix in VIDEO_SUFFIXES else found.images).append(look)
     return found
+
+
+def mount_of(folder: Path) -> tuple[Path, Path]:
+    """The folder without links on the way, and where the disk that holds it is mounted."""
+    real = folder.resolve()
+    return real, next((path for path in (real, *real.parents) if os.path.ismount(path)), real)
 
 
 @lru_cache(NAMES_KEPT)

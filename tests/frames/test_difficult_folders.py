@@ -185,6 +185,24 @@ def test_the_empty_folder_below_a_lost_mount_is_told_as_gone(tiny_disk: Path) ->
     assert "b.jpg" in [item.name for item in items if isinstance(item, Frame)]
 
 
+def test_the_empty_folder_of_another_card_is_none_that_is_gone(tiny_disk: Path, tmp_path: Path) -> None:
+    """Cards are changed in flight, and frames come into a folder below where they are mounted, or by a link to it."""
+    (tiny_disk / "DCIM").mkdir()
+    (tmp_path / "link").symlink_to(tiny_disk / "DCIM")
+    cards = [Card(tiny_disk / "DCIM"), Card(tmp_path / "link")]
+    cards[0].put("a.jpg")
+    assert [card.names() for card in cards] == [["a.jpg"]] * 2
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", tiny_disk], check=True)
+    try:
+        (tiny_disk / "DCIM").mkdir()
+        for card in cards:
+            assert not [item for item in card.look(3) if isinstance(item, Notice)]
+        cards[0].put("b.jpg", OTHER)
+        assert [card.names() for card in cards] == [["b.jpg"]] * 2
+    finally:
+        subprocess.run(["umount", "--lazy", tiny_disk], check=True)
+
+
 def test_a_file_that_goes_between_being_found_and_being_read_does_no_harm(
     card: Card, monkeypatch: pytest.MonkeyPatch
 ) -> None:
