@@ -20,8 +20,8 @@ DRIFT = 1e-4  # seconds per second; quartz is good to 20-50 ppm
 class OffsetClock:
     """One remote clock; its offset is the lower envelope of received − source time, because delays are positive.
 
-    A clock that jumps (reboot, GPS fix) is followed: forwards at once, backwards when two messages that arrived apart
-    agree, so that a single delayed message changes nothing. Wrap-around is unwrapped.
+    A clock that jumps (GPS fix) is followed: forwards at once, backwards when two messages that arrived apart agree, so that a
+    single delayed message changes nothing; one that begins anew (reboot) at once. Wrap-around is unwrapped.
     """
 
     offset: float | None = None
@@ -29,6 +29,7 @@ class OffsetClock:
     paces: dict[int, Pace] = field(default_factory=dict)  # by camera: several of one sender may tell of one moment
     _updated: float = 0.0
     _suspect: tuple[float, float] | None = None
+    _latest: float | None = None  # source time
 
     def moment(self, source_time: float, received: float, camera: int = 0) -> float:
         """Time of the event in seconds of the host's monotonic clock; never later than `received`."""
@@ -37,13 +38,20 @@ class OffsetClock:
         sample = received - source_time
         if self.offset is not None:
             self.offset += DRIFT * max(0.0, received - self._updated)
-        before, leapt = self.offset, self._has_leapt(sample, received)
+        has_begun = self._has_begun_anew(source_time, received)
+        before, leapt = self.offset, self._has_leapt(sample, received) or has_begun
         if self.offset is None or sample <= self.offset or leapt:
             self.offset = sample
         ahead = before is not None and before - sample > JUMP_S
         self.paces.setdefault(camera, Pace()).heard(source_time, received, self.offset, jumped=leapt or ahead)
         self._updated = received
+        self._latest = source_time if leapt or self._latest is None else max(self._latest, source_time)
         return source_time + self.offset
+
+    def _has_begun_anew(self, source_time: float, received: float) -> bool:
+        """Whether it tells less than before, and no more than has passed since: what comes late is of longer after the start."""
+        has_fallen = self._latest is not None and source_time < self._latest - JUMP_S
+        return has_fallen and 0 <= source_time <= received - self._updated + JUMP_S
 
     def _has_leapt(self, sample: float, received: float) -> bool:
         if self.offset is None or sample - self.offset <= JUMP_S:

@@ -92,3 +92,22 @@ def test_a_burst_after_an_outage_is_dated_to_when_it_happened() -> None:
     clock.moment(0.0, 500.0)
     moments = [clock.moment(second, 560.0) for second in range(10, 50, 2)]
     assert moments == pytest.approx([500.0 + second for second in range(10, 50, 2)], abs=0.02)
+
+
+@given(st.floats(70, 4000), st.floats(0, 60), st.floats(1, 600))
+def test_the_first_message_after_a_reboot_is_dated_right(uptime: float, booted: float, waited: float) -> None:
+    """As after a change of batteries: the shot was dated back by as long as the aircraft had been on."""
+    clocks = SourceClocks()
+    for second in range(3):
+        clocks.moment(feedback_of(uptime + second, 100.0 + second))
+    came = 102.0 + waited + booted
+    assert clocks.moment(feedback_of(booted, came)) == pytest.approx(came, abs=0.1)
+    assert clocks.moment(feedback_of(booted + 2.0, came + 2.5)) == pytest.approx(came + 2.0, abs=0.1)
+
+
+def test_an_old_message_that_is_sent_again_is_no_reboot() -> None:
+    clock = OffsetClock()
+    assert clock.moment(100.0, 1000.0) == 1000.0
+    assert clock.moment(102.0, 1002.0) == pytest.approx(1002.0, abs=0.01)
+    assert clock.moment(60.0, 1004.0) == pytest.approx(960.0, abs=0.01)
+    assert clock.moment(106.0, 1006.0) == pytest.approx(1006.0, abs=0.01)
