@@ -11,6 +11,7 @@ is decided here:
 from __future__ import annotations
 
 import logging
+import os
 import sqlite3
 import time
 from contextlib import closing, suppress
@@ -67,7 +68,7 @@ class FolderGuard:
     def _note(self) -> None:
         """What tells this folder from another at the same path."""
         self._file, self._folder = identity_of(self._path), identity_of(self._out)
-        self._is_mount, self._disks = self._out.is_mount(), disks_above(self._out)
+        self._is_mount, self._disks = os.path.ismount(self._out), disks_above(self._out)
         self._seen_utc = time.time()
 
     def _lost(self, identity: tuple[int, int] | None) -> str:
@@ -89,7 +90,7 @@ class FolderGuard:
         """Why the folder cannot be taken now, and what to do; empty if it can."""
         if not self._out.is_dir():
             return f"the folder is gone; {PUT_BACK}"
-        if self._is_mount and not self._out.is_mount():
+        if self._is_mount and not os.path.ismount(self._out):
             return f"its mount is gone; {PUT_BACK}"
         if identity_of(self._path) not in (None, self._file) and not self._is_older_state():
             return f"the {LEDGER_NAME} there is not this flight's, and left as it is: move it away, then it goes on"
