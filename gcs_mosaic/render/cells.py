@@ -170,7 +170,7 @@ def in_blocks(keys: Collection[TileKey], side: int) -> list[set[TileKey]]:
     """Tiles of one level of an island in squares of so many tiles a side, row by row from their window's corner."""
     blocks: dict[tuple[int, int], set[TileKey]] = {}
     window = window_around(keys)
-    for key in sorted(keys):
+    for key in keys:
         at = (key[1].y - window.top) // side, (key[1].x - window.left) // side
         blocks.setdefault(at, set()).add(key)
     return [blocks[at] for at in sorted(blocks)]

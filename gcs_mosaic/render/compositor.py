@@ -383,19 +383,12 @@ class TileCompositor(Kept):
 
     def _next_block(self, side: int) -> set[TileKey]:
         """Stale tiles close together, so that they share frames; the most urgent one is among them."""
-
         waiting = {**self._due, **self._behind}
         ready = waiting.keys() - self._kept() or waiting.keys()
+        levels = sorted(grouped(ready), key=lambda some: min((island, tile.z) for island, tile in some))
         # Counted from the first waiting tile of each level: a map that fits into one block is not split.
-        firsts = (window_around(some) for some in grouped(ready))
-        corners = {(first.island, first.level): (first.top, first.left) for first in firsts}
-
-        def block(key: TileKey) -> tuple[int, int, int, int]:
-            top, left = corners[key[0], key[1].z]
-            return key[0], key[1].z, (key[1].y - top) // side, (key[1].x - left) // side
-
-        _, chosen = min((-waiting[key], block(key)) for key in ready)
-        return {key for key in ready if block(key) == chosen}
+        blocks = [block for some in levels for block in in_blocks(some, side)]
+        return max(blocks, key=lambda block: max(waiting[key] for key in block))
 
     def _kept(self) -> set[TileKey]:
         """Tiles that keep displaying frames which have left them until those are displayed at their new place: no
