@@ -166,6 +166,16 @@ def grouped(keys: Iterable[TileKey]) -> list[set[TileKey]]:
     return list(groups.values())
 
 
+def in_blocks(keys: Collection[TileKey], side: int) -> list[set[TileKey]]:
+    """Tiles of one level of an island in squares of so many tiles a side, row by row from their window's corner."""
+    blocks: dict[tuple[int, int], set[TileKey]] = {}
+    window = window_around(keys)
+    for key in keys:
+        at = (key[1].y - window.top) // side, (key[1].x - window.left) // side
+        blocks.setdefault(at, set()).add(key)
+    return [blocks[at] for at in sorted(blocks)]
+
+
 def unknown(shape: tuple[int, int], planes: int) -> Cells:
     """Cells without any frame."""
     nobody = np.full(shape, NOBODY, np.int32)
@@ -181,9 +191,14 @@ def unowned(shape: tuple[int, int]) -> Owned:
     return Owned(nobody, nobody.copy(), np.full(shape, 255, np.uint8))
 
 
+def view(whole: T, place: tuple[slice, slice]) -> T:
+    """A part of these arrays, in the same memory."""
+    return type(whole)(*[array[..., place[0], place[1]] for array in whole.arrays])
+
+
 def part(whole: T, place: tuple[slice, slice]) -> T:
     """A copy of a part of these arrays."""
-    return type(whole)(*[array[..., place[0], place[1]].copy() for array in whole.arrays])
+    return type(whole)(*[array.copy() for array in view(whole, place).arrays])
 
 
 def put_together(whole: T, parts: Mapping[TileKey, T], window: Window) -> None:
@@ -213,32 +228,44 @@ def lay_over(cells: Cells, seen: Seen, number: int, decided: Lattice) -> tuple[C
 
     Cells keep all planes of the first, and the last few of the second. Also returns which cells (h, w) have changed.
     """
-    wins = (seen.inside > 0) & ((cells.first == NOBODY) | (decided > 0))
-    follows = (seen.inside > 0) & ~wins & (-decided < cells.lead)
+    wins, follows = shares(cells, seen, decided)
     return laid(cells, seen, number, decided, wins, follows), wins | follows
+
+
+def shares(cells: Cells, seen: Seen, decided: Lattice) -> tuple[Mask, Mask]:
+    """Where (h, w) a frame becomes the first of the cells, and where the second."""
+    wins = (seen.inside > 0) & ((cells.first == NOBODY) | (decided > 0))
+    return wins, (seen.inside > 0) & ~wins & (-decided < cells.lead)
 
 
 def laid(cells: Cells, seen: Seen, number: int, decided: Lattice, wins: Mask, follows: Mask) -> Cells:
     """The cells with a frame as their first where it `wins` (h, w), as their second where it `follows`."""
+    after = Cells(*[array.copy() for array in cells.arrays])
+    lay_in_place(after, seen, number, decided, wins, follows)
+    return after
+
+
+def lay_in_place(cells: Cells, seen: Seen, number: int, decided: Lattice, wins: Mask, follows: Mask) -> None:
+    """As `laid`, in the given cells. What is kept of the second is written before it changes in the first."""
     known = cells.first != NOBODY
     decided = np.asarray(decided, np.float32)
-    first, second, lead, score, inside, planes = (array.copy() for array in cells.arrays)
+    first, second, lead, score, inside, planes = cells.arrays
     of_all, of_both = len(seen.planes), len(planes) - len(seen.planes)
-    _put(first, np.full_like(first, number), wins)
-    _put(second, cells.first, wins)
-    _put(second, np.full_like(second, number), follows)
+    numbers = np.full_like(first, number)
+    _put(second, first, wins)
+    _put(second, numbers, follows)
+    _put(first, numbers, wins)
     _put(lead, np.where(known, decided, np.float32(np.inf)), wins)
     _put(lead, -decided, follows)
     _put(score, seen.score, wins)
-    _put(inside[0], seen.inside, wins)
-    _put(inside[1], cells.inside[0], wins)
+    _put(inside[1], inside[0], wins)
     _put(inside[1], seen.inside, follows)
+    _put(inside[0], seen.inside, wins)
+    for k in range(of_all - of_both, of_all):
+        _put(planes[k + of_both], planes[k], wins)
+        _put(planes[k + of_both], seen.planes[k], follows)
     for k in range(of_all):
         _put(planes[k], seen.planes[k], wins)
-    for k in range(of_all - of_both, of_all):
-        _put(planes[k + of_both], cells.planes[k], wins)
-        _put(planes[k + of_both], seen.planes[k], follows)
-    return Cells(first, second, lead, score, inside, planes)
 
 
 def _put(there: AnyArray, values: AnyArray, where: Mask) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.blending import mix, mix_pixels
-from gcs_mosaic.render.cells import around, grouped, window_around
+from gcs_mosaic.render.cells import around, grouped, in_blocks, window_around
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.frame_cache import FrameCache
 from gcs_mosaic.render.frame_warp import FrameWarp
@@ -31,7 +31,7 @@ from gcs_mosaic.render.pixels import FramePicture, KeepBands, Part
 from gcs_mosaic.render.plans import Plan, Recipe
 from gcs_mosaic.render.pyramid import LoadTile, TilePicture, TileStack, top_level
 from gcs_mosaic.render.render_list import INSET_LEVELS, Extent, RenderEntry, RenderItem, RenderList, TileKey, Turn
-from gcs_mosaic.render.territory import Territory
+from gcs_mosaic.render.territory import EXPECTED, Territory
 from gcs_mosaic.render.tile_cache import Layer, Store
 from gcs_mosaic.render.tile_grid import Tile, ancestor
 from gcs_mosaic.render.tile_maker import TileMaker
@@ -44,6 +44,7 @@ logger = logging.getLogger(__name__)
 
 INTERPOLATIONS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
 BLOCK = 96  # tiles a side repainted together: large enough that most frames are decoded once
+FOLDED = 24  # tiles a side whose cells are decided together: 25 MB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +65,11 @@ class CompositorSettings:
 
 @dataclass(frozen=True, slots=True)
 class _Fold:
-    """Tiles whose cells are being decided again, each with the frames folded so far: those up to a turn."""
+    """Tiles whose cells are being decided again, each with the frames folded so far: those up to a turn, `laid` in number."""
 
     turn: Turn | None
     tiles: Mapping[TileKey, tuple[RenderItem, ...]]
+    laid: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,13 +169,13 @@ class TileCompositor(Kept):
             if known is None or known.painted != painted:
                 new.append(painted)
             else:
-                self._expect(self._frames.add(painted, known.tiles))
+                self._await(self._frames.add(painted, known.tiles))
         for painted, frame in self._frame_cache.all_warps(new):
-            self._expect(self._register(painted, frame))
+            self._await(self._register(painted, frame))
         self._known = {}
         return set(self._stack.earlier)
 
-    def _expect(self, keys: set[TileKey]) -> None:
+    def _await(self, keys: set[TileKey]) -> None:
         self._fall_behind(keys)
         self._stack.expect(keys)
 
@@ -257,11 +259,13 @@ class TileCompositor(Kept):
             return set()
         work = self._work = self._work or self._begun(block)
         if isinstance(work, _Fold):
+            if not self._territory.has_laid(work.laid):  # the cells are of a step that was undone
+                work = self._fold_of(work.tiles)
             # Queried at each step, because frames may arrive and move between steps.
-            painted = self._frames.next_after(work.turn, work.tiles)
-            if painted is None:
+            coming = self._frames.next_after(work.turn, work.tiles, EXPECTED)
+            if not coming:
                 self._end(work)
-            self._work = None if painted is None else self._with_frame(work, painted)
+            self._work = self._with_frame(work, *coming) if coming else None
             return set()
         if work.left:
             self._work = self._with_pixels(work)
@@ -276,8 +280,8 @@ class TileCompositor(Kept):
             keys = self._next_block(block)
             self._give_up(keys)
         elif isinstance(self._work, _Fold):
-            painted = self._frames.next_after(self._work.turn, self._work.tiles)
-            keys = set(self._work.tiles) if painted is None else self._shared(painted, self._work)
+            coming = self._frames.next_after(self._work.turn, self._work.tiles)
+            keys = self._shared(coming[0], self._work) if coming else set(self._work.tiles)
             self._work = self._without(self._work, keys)
         else:
             self._work = self._unmade(self._work, self._work.left[0] if self._work.left else None)
@@ -379,19 +383,12 @@ class TileCompositor(Kept):
 
     def _next_block(self, side: int) -> set[TileKey]:
         """Stale tiles close together, so that they share frames; the most urgent one is among them."""
-
         waiting = {**self._due, **self._behind}
         ready = waiting.keys() - self._kept() or waiting.keys()
+        levels = sorted(grouped(ready), key=lambda some: min((island, tile.z) for island, tile in some))
         # Counted from the first waiting tile of each level: a map that fits into one block is not split.
-        firsts = (window_around(some) for some in grouped(ready))
-        corners = {(first.island, first.level): (first.top, first.left) for first in firsts}
-
-        def block(key: TileKey) -> tuple[int, int, int, int]:
-            top, left = corners[key[0], key[1].z]
-            return key[0], key[1].z, (key[1].y - top) // side, (key[1].x - left) // side
-
-        _, chosen = min((-waiting[key], block(key)) for key in ready)
-        return {key for key in ready if block(key) == chosen}
+        blocks = [block for some in levels for block in in_blocks(some, side)]
+        return max(blocks, key=lambda block: max(waiting[key] for key in block))
 
     def _kept(self) -> set[TileKey]:
         """Tiles that keep displaying frames which have left them until those are displayed at their new place: no
@@ -409,40 +406,46 @@ class TileCompositor(Kept):
 
     def _begun(self, block: int) -> _Fold | _Making:
         keys = self._next_block(block)
-        stale = sorted(key for key in keys if key in self._behind)
+        stale = keys & self._behind.keys()
         if stale:
-            return _Fold(None, dict.fromkeys(stale, ()))
+            return self._fold_of(in_blocks(stale, FOLDED)[0])
         plans = self._unlike(keys)
         return _Making(plans, self._maker.order(plans), self._changes)
+
+    def _fold_of(self, keys: Iterable[TileKey]) -> _Fold:
+        """Begin to decide the cells of these tiles."""
+        tiles = sorted(keys)
+        self._territory.begin_anew(tiles)
+        return _Fold(None, dict.fromkeys(tiles, ()))
 
     def _shared(self, painted: RenderItem, fold: _Fold) -> set[TileKey]:
         return {key for key in self._frames.tiles_of(painted.name) if key in fold.tiles}
 
-    def _with_frame(self, fold: _Fold, painted: RenderItem) -> _Fold | None:
+    def _with_frame(self, fold: _Fold, painted: RenderItem, *coming: RenderItem) -> _Fold | None:
         keys = self._shared(painted, fold)
         frame = self._frame_cache.warp(painted)
         if frame is None or not self._frame_cache.can_see(painted):
             self.gone.add(painted.name)
             rest = self._without(fold, keys)
             return None if rest is None else replace(rest, turn=painted.turn)
-        self._expect_after(painted, fold)
-        self._territory.lay_over(frame, keys, anew=True)
-        return _Fold(painted.turn, {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}})
+        self._expect(coming, fold)
+        self._territory.lay_anew(frame, keys)
+        tiles = {**fold.tiles, **{key: (*fold.tiles[key], painted) for key in keys}}
+        return _Fold(painted.turn, tiles, fold.laid + 1)
 
-    def _expect_after(self, painted: RenderItem, fold: _Fold) -> None:
-        """Begin to process the next frame of a fold. Its errors will occur again, and be reported, at its own step."""
-        following = self._frames.next_after(painted.turn, fold.tiles)
-        try:
-            frame = None if following is None else self._frame_cache.warp(following)
-            if following is not None and frame is not None:
-                self._territory.expect(frame, self._shared(following, fold))
-        except Exception:
-            logger.warning("the frame after %s cannot be looked at ahead", painted.name, exc_info=True)
+    def _expect(self, coming: Iterable[RenderItem], fold: _Fold) -> None:
+        """Begin to process the next frames of a fold. Their errors will occur again, and be reported, at their own steps."""
+        for painted in coming:
+            try:
+                frame = self._frame_cache.warp(painted)
+                if frame is not None:
+                    self._territory.expect(frame, self._shared(painted, fold))
+            except Exception:
+                logger.warning("%s cannot be looked at ahead", painted.name, exc_info=True)
 
     def _without(self, fold: _Fold, keys: Collection[TileKey]) -> _Fold | None:
         """Abandon tiles: they stay as displayed."""
         self._give_up(keys)
-        self._territory.drop_fresh(keys)
         rest = {key: frames for key, frames in fold.tiles.items() if key not in keys}
         return replace(fold, tiles=rest) if rest else None
 
@@ -455,7 +458,6 @@ class TileCompositor(Kept):
         """The fold is complete: its tiles are due, and the neighbours that it changes."""
         ready = {key for key, frames in fold.tiles.items() if frames == tuple(self._frames.on(key))}
         changed = self._territory.replace(ready)
-        self._territory.drop_fresh(fold.tiles)
         urgency = {key: max(self._behind.pop(key), self._due.get(key, 0.0)) for key in ready}
         self._due |= {key: urgency[key] for key in self._wanted(ready)}
         self._note_due(ready)
@@ -498,7 +500,7 @@ class TileCompositor(Kept):
 
     def _drop_work(self) -> None:
         if isinstance(self._work, _Fold):
-            self._territory.drop_fresh(self._work.tiles)
+            self._territory.drop_fresh()
         elif self._work is not None:
             self._maker.drop(self._work.plans)
         self._work = None

@@ -17,7 +17,8 @@ from functools import cache
 import cv2
 import numpy as np
 
-from gcs_mosaic.render.warp import NOWHERE, times_each
+from gcs_mosaic.render.warp import NOWHERE
+from gcs_mosaic.render.warp_grid import times_each
 from gcs_mosaic.stitch.arrays import AnyArray, FloatImage, FloatPlanes, FloatRows, Lattice, Mask, PointsNx2
 
 COLUMNS, ROWS = 8, 6  # nodes, in the middles of as many equal parts of a frame
@@ -181,7 +182,7 @@ def factors(field: LightField, pixels: Lattice, width: int, height: int) -> Latt
         cv2.remap(band, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
         for band in field.fine()
     ]
-    return np.stack(made, axis=-1).astype(np.float32)
+    return np.asarray(cv2.merge(made), np.float32).reshape(*places.shape[:2], -1)
 
 
 def _beside(here: FloatRows, weight: AnyArray, there: FloatRows, brighter: FloatRows) -> LightBeside:

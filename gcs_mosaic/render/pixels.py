@@ -17,7 +17,8 @@ from gcs_mosaic.render.render_list import RenderItem
 from gcs_mosaic.render.tile_cache import Layer, make_layer
 from gcs_mosaic.render.tile_grid import TILE_SIZE, Tile
 from gcs_mosaic.render.tone import FINE
-from gcs_mosaic.render.warp import tile_picture, times_each, upscale
+from gcs_mosaic.render.warp import tile_picture, upscale
+from gcs_mosaic.render.warp_grid import times_each
 from gcs_mosaic.stitch.arrays import AnyImage, Bands, Coverage, ImageBGR, Lattice, Mask, Share, ToneShifts
 from gcs_mosaic.stitch.camera.picture_area import filled
 

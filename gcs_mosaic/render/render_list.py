@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from bisect import bisect
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -172,11 +173,13 @@ class RenderList(Kept):
     def is_last(self, painted: RenderItem, key: TileKey) -> bool:
         return self._turns[key][-1] == painted.turn
 
-    def next_after(self, turn: Turn | None, keys: Iterable[TileKey]) -> RenderItem | None:
-        """The first frame captured after `turn` that touches any of these tiles."""
-        later = (t for key in keys for t in self._turns.get(key, ()) if turn is None or t > turn)
-        found = min(later, default=None)
-        return None if found is None else self[found[1]]
+    def next_after(self, turn: Turn | None, keys: Iterable[TileKey], count: int = 1) -> list[RenderItem]:
+        """The first frames captured after `turn` that touch any of these tiles, at most so many."""
+        later = set[Turn]()
+        for key in keys:
+            turns = self._turns.get(key, ())
+            later.update(turns if turn is None else turns[bisect(turns, turn) :])
+        return [self[name] for _, name in heapq.nsmallest(count, later)]
 
     def _shared(self, tile: Tile) -> Tile:
         """One object for each tile, whichever frames touch it: there are a hundred to a frame, and each is the key of much."""

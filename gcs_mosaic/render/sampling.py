@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.render.cells import PARTLY, WHOLLY, Window
-from gcs_mosaic.render.warp import NOWHERE, refined, times_each
-from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice
+from gcs_mosaic.render.warp import NOWHERE, refined
+from gcs_mosaic.render.warp_grid import LATTICE, FrameLattice, times_each
 from gcs_mosaic.stitch.arrays import AnyImage, CellFlags, Lattice
 
 # Penalty on a frame's score where it only partly covers a cell: exceeds all else, so it shows only where no other frame does.

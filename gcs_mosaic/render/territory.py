@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Executor, Future
+from dataclasses import dataclass
 from functools import partial
 
 import cv2
@@ -12,6 +13,7 @@ import numpy as np
 from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import Mode
 from gcs_mosaic.render.cells import (
+    NOBODY,
     Cells,
     Owned,
     Seen,
@@ -19,12 +21,16 @@ from gcs_mosaic.render.cells import (
     alike,
     around,
     grouped,
+    in_blocks,
+    lay_in_place,
     lay_over,
     part,
     put_together,
+    shares,
     touched,
     unknown,
     unowned,
+    view,
     window_around,
 )
 from gcs_mosaic.render.frame_cache import FrameCache
@@ -32,18 +38,32 @@ from gcs_mosaic.render.frame_warp import FrameWarp, on_level
 from gcs_mosaic.render.insets import Things, things
 from gcs_mosaic.render.plans import Plan, planned
 from gcs_mosaic.render.render_list import INSET_LEVELS, RenderItem, RenderList, TileKey
+from gcs_mosaic.render.spread import ahead
 from gcs_mosaic.render.tile_cache import Store
 from gcs_mosaic.render.tone import REACH, shifts
 from gcs_mosaic.stitch.arrays import ToneShifts
 from gcs_mosaic.stitch.transaction import Kept
 
-EXPECTED = 2  # contributions computed ahead: of the frame that is laid over, and of the next one meanwhile
+EXPECTED = 3  # contributions computed ahead: of the frame that is laid over, and of the next two meanwhile
+UNKNOWN = -1  # in place of a number of frames
+SETTLED = 16  # tiles a side whose owners are decided together
+
+Settled = tuple[dict[TileKey, Owned | None], set[TileKey]]  # owners that are new, and the tiles that may look different
+
+
+@dataclass(slots=True, eq=False)
+class _Fresh:
+    """Cells of a window that are being decided again, in place: of what was undone after it `laid` frames nothing is known."""
+
+    window: Window
+    cells: Cells
+    laid: int = 0
 
 
 class Territory(Kept):
     """The cells of tiles and their owners, in a store that its owner restores, like the frames."""
 
-    FIXED = frozenset({"_store", "_mode", "_frame_cache", "_frames", "_pool", "_coming"})
+    FIXED = frozenset({"_store", "_mode", "_frame_cache", "_frames", "_pool", "_coming", "_fresh"})
 
     def __init__(self, store: Store, mode: Mode, frame_cache: FrameCache, frames: RenderList, pool: Executor) -> None:
         self._store = store
@@ -51,52 +71,75 @@ class Territory(Kept):
         self._frame_cache = frame_cache
         self._frames = frames
         self._pool = pool
-        # Contributions of the frame that is laid over next and of the one after it, by name.
+        # Contributions of the frame that is laid over next and of those after it, by name.
         self._coming: dict[str, tuple[RenderItem, Window, Future[Seen]]] = {}
+        self._fresh: _Fresh | None = None
         self._numbers: dict[str, int] = {}  # of all frames ever seen, by name
         self._names: list[str] = []  # by number
         # By host: its frames and insets when these were let in to its present cells.
         self._let_in: dict[TileKey, tuple[RenderItem, ...]] = {}
 
-    def lay_over(self, frame: FrameWarp, keys: Collection[TileKey], *, anew: bool = False) -> set[TileKey]:
-        """Lay a frame over the cells of these tiles, or over those being decided again (`anew`); returns the tiles that have
-        changed."""
+    def lay_over(self, frame: FrameWarp, keys: Collection[TileKey]) -> set[TileKey]:
+        """Lay a frame over the cells of these tiles; returns the tiles that have changed."""
         if not keys:
             return set()
-        window, kind = window_around(keys), "fresh cells" if anew else "cells"
-        known = self._cells(keys, window, kind)
+        window = window_around(keys)
+        known = self._cells(keys, window, "cells")
         seen = self._seen(frame, window)
         after, other = lay_over(known, seen, self._number(frame.painted.name), self._mode.decide(known, seen))
         changed = touched(other, window).intersection(keys)
         for key in changed:
-            self._store.put((key, kind), part(after, window.place(key)))
-        if not anew:
-            self._forget_insets(changed)
+            self._store.put((key, "cells"), part(after, window.place(key)))
+        self._forget_insets(changed)
         return changed
 
+    def begin_anew(self, keys: Collection[TileKey]) -> None:
+        """Begin to decide the cells of these tiles again, all of one level and close together."""
+        window = window_around(keys)
+        self._fresh = _Fresh(window, unknown(window.shape, self._mode.planes))
+
+    def has_laid(self, count: int) -> bool:
+        """Whether so many frames, and no other, have been laid over the cells that are being decided again."""
+        return self._fresh is not None and self._fresh.laid == count
+
+    def lay_anew(self, frame: FrameWarp, keys: Collection[TileKey]) -> None:
+        """Lay a frame over those of these tiles' cells that are being decided again."""
+        assert self._fresh is not None, "they have been begun"
+        fresh, window = self._fresh, window_around(keys)
+        cells, count = view(fresh.cells, fresh.window.of(window)), fresh.laid
+        seen = self._seen(frame, window)
+        decided = self._mode.decide(cells, seen)
+        fresh.laid = UNKNOWN  # until all is laid
+        lay_in_place(cells, seen, self._number(frame.painted.name), decided, *shares(cells, seen, decided))
+        fresh.laid = count + 1
+
     def expect(self, frame: FrameWarp, keys: Collection[TileKey]) -> None:
-        """Begin to compute a frame's contribution to the cells of these tiles, while another one is laid over them."""
-        if self._frame_cache.has_seen(frame.painted):
-            window, maps = window_around(keys), self._frame_cache.blend_maps(frame.painted)
+        """Begin to compute a frame's contribution to the cells of these tiles, while others are laid over them."""
+        window = window_around(keys)
+        known = self._coming.get(frame.painted.name)
+        is_new = known is None or known[:2] != (frame.painted, window)
+        if is_new and self._frame_cache.has_seen(frame.painted):
+            maps = self._frame_cache.blend_maps(frame.painted)
             while len(self._coming) >= EXPECTED:
                 del self._coming[next(iter(self._coming))]
             seen = self._pool.submit(self._mode.see, frame, maps, window)
             self._coming[frame.painted.name] = frame.painted, window, seen
 
-    def drop_fresh(self, keys: Iterable[TileKey]) -> None:
+    def drop_fresh(self) -> None:
         """Discard cells decided again."""
-        for key in keys:
-            self._store.put((key, "fresh cells"), None)
+        self._fresh = None
 
     def replace(self, keys: Iterable[TileKey]) -> set[TileKey]:
         """Replace cells by those decided again; returns the tiles that have changed."""
+        assert self._fresh is not None, "they have been begun"
         changed = set()
         for key in keys:
-            before, after = self._store.get((key, "cells")), self._store.get((key, "fresh cells"))
-            if before is None or after is None or not alike(before, after):
-                self._store.put((key, "cells"), after)
+            before, after = self._store.get((key, "cells")), part(self._fresh.cells, self._fresh.window.place(key))
+            anybody = bool((after.first != NOBODY).any())
+            if (before is not None) != anybody or (before is not None and not alike(before, after)):
+                self._store.put((key, "cells"), after if anybody else None)
                 changed.add(key)
-        self.drop_fresh(keys)
+        self.drop_fresh()
         self._forget_insets(changed)
         return changed
 
@@ -134,20 +177,20 @@ class Territory(Kept):
 
     def _settle(self, changed: set[TileKey]) -> set[TileKey]:
         """As `settle`, for tiles of one level."""
-        keys = around(changed)
+        due = set[TileKey]()
+        works = (self._settling(keys) for keys in in_blocks(around(changed), SETTLED))
+        for owned, looks_different in ahead(self._pool, works):
+            for key, one in owned.items():
+                self._store.put((key, "owned"), one)
+            due |= looks_different
+        return due
+
+    def _settling(self, keys: set[TileKey]) -> Callable[[], Settled]:
+        """A work that finds the owners of a few tiles, which uses the store no more."""
         window = window_around(keys).wider()
         there = {key for key in window.tiles() if (key, "cells") in self._store}
-        after, before = self._mode.own(self._cells(there, window, "hosted", "cells")), self._owned(keys, window)
-        other = np.zeros(window.shape, np.bool_)
-        for key in keys:
-            place = window.place(key)
-            for one, another in zip(after.arrays, before.arrays, strict=True):
-                other[place] |= one[place] != another[place]
-        for key in touched(other, window):
-            self._store.put((key, "owned"), part(after, window.place(key)) if key in there else None)
-        reach = 2 * (REACH + 1) + 1 if self._mode.toned else 3
-        near = cv2.dilate(other.astype(np.uint8), np.ones((reach, reach), np.uint8))
-        return touched(near > 0, window) & there
+        cells, before = self._cells(there, window, "hosted", "cells"), self._owned(keys, window)
+        return partial(_settled, self._mode, keys, there, window, cells, before)
 
     def _seen(self, frame: FrameWarp, window: Window) -> Seen:
         coming = self._coming.pop(frame.painted.name, None)
@@ -201,7 +244,7 @@ class Territory(Kept):
         return owned
 
     def _shifts(self, owned: Owned, window: Window) -> dict[int, tuple[Window, ToneShifts]]:
-        return shifts(owned.first, window, partial(self._seer, window))
+        return shifts(owned.first, window, partial(self._seer, window), self._pool)
 
     def _things(self, painted: RenderItem) -> Things | None:
         """Salient things of a frame; None if unknown."""
@@ -232,6 +275,22 @@ class Territory(Kept):
             self._numbers[name] = len(self._names)
             self._names.append(name)
         return self._numbers[name]
+
+
+def _settled(
+    mode: Mode, keys: Iterable[TileKey], there: set[TileKey], window: Window, cells: Cells, before: Owned
+) -> Settled:
+    """Owners of the cells of a window, of whose tiles these are `there`, for those of `keys` where they differ from `before`."""
+    after = mode.own(cells)
+    other = np.zeros(window.shape, np.bool_)
+    for key in keys:
+        place = window.place(key)
+        for one, another in zip(after.arrays, before.arrays, strict=True):
+            other[place] |= one[place] != another[place]
+    owned = {key: part(after, window.place(key)) if key in there else None for key in touched(other, window)}
+    reach = 2 * (REACH + 1) + 1 if mode.toned else 3
+    near = cv2.dilate(other.astype(np.uint8), np.ones((reach, reach), np.uint8))
+    return owned, touched(near > 0, window) & there
 
 
 def _may_be_on(painted: RenderItem, window: Window) -> bool:

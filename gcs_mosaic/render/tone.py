@@ -8,7 +8,9 @@ seam.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -18,6 +20,7 @@ from gcs_mosaic.render.cells import CELLS, Window
 from gcs_mosaic.render.frame_warp import FrameWarp
 from gcs_mosaic.render.render_list import Turn
 from gcs_mosaic.render.sampling import at_middles, lattice_part, places_in, sampled
+from gcs_mosaic.render.spread import ahead
 from gcs_mosaic.stitch.arrays import FrameNumbers, Lattice, Mask, ToneShifts
 
 # Tones are computed on squares of two by two cells; number along a tile's side.
@@ -54,7 +57,7 @@ def tone(frame: FrameWarp, maps: BlendMaps, window: Window) -> tuple[Lattice, La
 Seer = Callable[[int], tuple[FrameWarp, BlendMaps] | None]
 
 
-def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[Window, ToneShifts]]:
+def shifts(first: FrameNumbers, window: Window, seer: Seer, pool: Executor) -> dict[int, tuple[Window, ToneShifts]]:
     """Tone shifts of the frames that show on a window's cells (h, w), in 1 / `FINE` grey levels: (3, rows, columns) for the
     squares of a part of the window, by frame number. Invalid within `REACH` of the rim, unless the map ends there.
 
@@ -62,10 +65,11 @@ def shifts(first: FrameNumbers, window: Window, seer: Seer) -> dict[int, tuple[W
     """
     size = window.shape[0] // 2, window.shape[1] // 2
     total, weight = np.zeros((4, *size), np.float32), np.zeros(size, np.float32)
-    # One frame after another: looks and lattices of all together are 6 MB a frame.
-    found = (_seen(first, window, number, box, seer) for number, box in shown_boxes(first, window).items())
+    # A few frames at a time: looks and lattices of all together are 6 MB a frame.
+    boxes = shown_boxes(first, window).items()
+    works = filter(None, (_looking(first, window, number, box, seer) for number, box in boxes))
     # In capture order, not by number: what a sum of floats comes to depends on its order.
-    seen = sorted(filter(None, found), key=lambda one: one.turn)
+    seen = sorted(ahead(pool, works), key=lambda one: one.turn)
     for one in seen:
         place = squares(window.of(one.there))
         total[:, place[0], place[1]] += one.values * one.share
@@ -85,15 +89,19 @@ class _Tones:
     share: Lattice
 
 
-def _seen(first: FrameNumbers, window: Window, number: int, box: Window, seer: Seer) -> _Tones | None:
-    """The tones of a frame that shows within a box; None if it is not there, or in a palette's colours."""
+def _looking(first: FrameNumbers, window: Window, number: int, box: Window, seer: Seer) -> Callable[[], _Tones] | None:
+    """A work that finds the tones of a frame that shows within a box; None if it is not there, or in a palette's colours."""
     known = seer(number)
     there = None if known is None else box.wider().common(known[0].window)
     there = None if there is None else there.common(window)
     if known is None or there is None or known[1].tone is None:
         return None
-    values, sure = tone(*known, there)
-    return _Tones(known[0].painted.turn, number, there, values, wide(first[window.of(there)] == number) * sure)
+    return partial(_tones, *known, number, there, first[window.of(there)] == number)
+
+
+def _tones(frame: FrameWarp, maps: BlendMaps, number: int, there: Window, shown: Mask) -> _Tones:
+    values, sure = tone(frame, maps, there)
+    return _Tones(frame.painted.turn, number, there, values, wide(shown) * sure)
 
 
 def squares(cells: tuple[slice, slice]) -> tuple[slice, slice]:

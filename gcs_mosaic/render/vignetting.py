@@ -96,8 +96,8 @@ def radial_sums(at_i: RowsNx3, at_j: RowsNx3, log_ratio: Matrix) -> RadialSums:
 def log_brightness(vignetting: Vignetting, at: RowsNx3) -> Matrix:
     """Log brightness (n, bands), or (n, 1) for all bands, at places with these `radii` (n, 3). Relative to the mean of each band
     over a frame: without its vignetting it has the colours and the brightness that it was taken with."""
-    curves = np.array(vignetting or [(0.0, 0.0, 0.0)]).T
-    return np.asarray((at - MEAN) @ curves)
+    curves = np.array(vignetting or [(0.0, 0.0, 0.0)])
+    return np.asarray((curves @ at.T - (curves @ MEAN)[:, None]).T)  # in rows: numpy is slow along an axis of three
 
 
 def brightening(vignetting: Vignetting, pixels: Lattice, width: int, height: int) -> Lattice:

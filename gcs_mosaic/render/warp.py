@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -28,14 +27,6 @@ class _Scratch(threading.local):
 
 
 _scratch = _Scratch()
-
-
-def times_each(values: Lattice, factors: Sequence[float]) -> Lattice:
-    """Values (h, w, k), the last two axes together in memory, times a factor (k,) each: in rows, because numpy takes ten times as
-    long along a short axis."""
-    height, width, _ = values.shape
-    rows = values.reshape(height, -1) * np.tile(np.array(factors, np.float32), width)
-    return np.asarray(rows.reshape(values.shape), np.float32)
 
 
 def upscale(values: Lattice) -> Lattice:

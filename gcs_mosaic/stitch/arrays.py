@@ -25,6 +25,7 @@ FloatRows = NDArray[np.float32]  # (n, k)
 
 # Places
 Vector2 = NDArray[np.float64]  # (2,), one point or shift, in pixels or canvas units
+Rows2xN = NDArray[np.float64]  # (2, n): x and y of points
 PointsNx2 = NDArray[np.float64]  # (n, 2) points or shifts, in pixels or canvas units
 Points32Nx2 = NDArray[np.float32]  # (n, 2) pixels
 AnyPointsNx2 = NDArray[Any]  # (n, 2) pixels, float32 or float64

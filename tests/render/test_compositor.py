@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from painting_parts import hilly, painted, picture
 
+from gcs_mosaic.render import compositor, territory
 from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
@@ -200,6 +201,34 @@ def test_what_moves_while_its_tile_is_repainted_is_not_lost(canvas: Canvases) ->
         painted(4, 80, 100),
     )
     assert_same(all_tiles(c), all_tiles(rebuilt))
+
+
+@pytest.mark.parametrize("undone_after", range(1, 7))
+def test_a_step_that_was_undone_is_not_done_twice(canvas: Canvases, undone_after: int) -> None:
+    """Cells are decided again in place, which no snapshot brings back."""
+    frames, c, rebuilt = [painted(i, 100 + 60.0 * i, 100 + 9.0 * i) for i in range(4)], canvas(), canvas()
+    paint(rebuilt, *frames)
+    c.move(frames)
+    for _ in range(undone_after - 1):
+        c.repaint_step()
+    before = c.snapshot()
+    c.repaint_step()
+    c.restore(before)
+    list(c.repaint())
+    assert_same(all_tiles(c), all_tiles(rebuilt))
+
+
+@pytest.mark.parametrize("side", [1, 2])
+def test_cells_decided_block_by_block_are_those_decided_together(
+    canvas: Canvases, monkeypatch: pytest.MonkeyPatch, side: int
+) -> None:
+    frames, c, whole = [painted(i, 100 + 130.0 * i, 100 + 70.0 * i, yaw=0.3 * i) for i in range(4)], canvas(), canvas()
+    paint(whole, *frames)
+    monkeypatch.setattr(compositor, "FOLDED", side)
+    monkeypatch.setattr(territory, "SETTLED", side)
+    c.move(frames)
+    list(c.repaint())
+    assert_same(all_tiles(c), all_tiles(whole))
 
 
 def test_a_repaint_decodes_each_original_once(canvas: Canvases) -> None:

@@ -63,6 +63,16 @@ class CanvasMachine(RuleBasedStateMachine):
         for _ in islice(self.canvas.repaint(), steps):
             pass
 
+    @rule(steps=st.integers(1, 4), undone=st.booleans())
+    def go_on(self, steps: int, undone: bool) -> None:
+        """Steps that leave off in the midst of tiles, the last of them undone as after an error."""
+        for left in reversed(range(steps)):
+            if self.canvas.behind:
+                before = self.canvas.snapshot()
+                self.canvas.repaint_step()
+                if undone and not left:
+                    self.canvas.restore(before)
+
     def teardown(self) -> None:
         if not hasattr(self, "canvas"):
             return

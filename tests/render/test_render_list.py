@@ -28,10 +28,11 @@ def test_next_after_walks_through_all_frames_of_some_tiles_once() -> None:
     for order, tiles in ((4, [A]), (2, [A, B]), (7, [B]), (5, [])):
         frames.add(painted(order), tiles)
     seen, turn = [], None
-    while (found := frames.next_after(turn, [(0, A), (0, B)])) is not None:
-        seen.append(found.order)
-        turn = found.turn
+    while found := frames.next_after(turn, [(0, A), (0, B)]):
+        seen.append(found[0].order)
+        turn = found[0].turn
     assert seen == [2, 4, 7]
+    assert [one.order for one in frames.next_after(None, [(0, A), (0, B)], 2)] == [2, 4]
 
 
 def test_the_extent_holds_all_tiles_and_levels() -> None:

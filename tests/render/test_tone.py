@@ -1,5 +1,7 @@
 """Frames beside a seam take on a common tone."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import cv2
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from gcs_mosaic.stitch.camera.dead_border import NO_BORDER
 from gcs_mosaic.stitch.camera.geometry import Camera
 from tests.sure import sure
 
+POOL = ThreadPoolExecutor(2)
 CAMERA = Camera(2000, 1000, 1.2)
 FRAME = sure(frame_warp(painted(0, 1000.0, 500.0, camera=CAMERA)))
 WINDOW = Window(0, 16, 1 << 15, 1 << 15, (1 << 15) + 2, (1 << 15) + 5)
@@ -32,7 +35,7 @@ def shifted(one: BlendMaps, other: BlendMaps, window: Window = WINDOW) -> list[n
     """Of both frames, in grey levels, along a row of squares in the window's middle; 0 where they need none."""
     first = FIRST[: window.shape[0], WINDOW.of(window)[1]]
     rows = []
-    for there, shift in (shifts(first, window, lambda number: (FRAME, (one, other)[number]))[k] for k in (0, 1)):
+    for there, shift in (shifts(first, window, lambda number: (FRAME, (one, other)[number]), POOL)[k] for k in (0, 1)):
         row = np.zeros(window.shape[1] // 2)
         left = (there.left - window.left) * SQUARES
         row[left : left + shift.shape[2]] = shift[0, shift.shape[1] // 2] / FINE
@@ -71,7 +74,7 @@ def test_the_colours_of_a_palette_are_not_shifted() -> None:
     false = look_for_seams(np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_JET), np.uint8), (PLAIN, NO_BORDER))
     assert grey.tone is not None
     assert false.tone is None
-    found = shifts(FIRST, WINDOW, lambda number: (FRAME, (maps(100), false)[number]))
+    found = shifts(FIRST, WINDOW, lambda number: (FRAME, (maps(100), false)[number]), POOL)
     assert found.keys() == {0}
     assert not found[0][1].any()
 

@@ -18,7 +18,7 @@ from gcs_mosaic.stitch.arrays import FloatImage, Mask, PointsNx2, ShiftGrid
 from gcs_mosaic.stitch.camera.geometry import Camera
 
 STEPS = 12  # of the fixed-point iteration that inverts the shifts
-CONVERGED_PX = 0.01  # a point is done once its last step was shorter; the next would be at most a quarter of it
+CONVERGED_PX = 0.01
 EVENED = 200  # rounds of evening out what is steeper than
 EVEN_ENOUGH = 1.01  # of it: the rest is scaled down
 STEEPEST = 0.25  # maximum change of the shift per cell: no place is seen twice, and the inversion converges
@@ -111,23 +111,28 @@ def on_plane(relief: ReliefDisplacement | None, camera: Camera, pixels: PointsNx
 
 
 def as_seen(
-    relief: ReliefDisplacement | None, camera: Camera, pixels: PointsNx2, guess: PointsNx2 | None = None
+    relief: ReliefDisplacement | None,
+    camera: Camera,
+    pixels: PointsNx2,
+    guess: PointsNx2 | None = None,
+    converged_px: float = CONVERGED_PX,
 ) -> PointsNx2:
-    """Inverse of `on_plane`; NaN stays NaN. `guess` (n, 2): initial value, if known."""
+    """Inverse of `on_plane`; NaN stays NaN. `guess` (n, 2): initial value, if known. A point is done once its last step was
+    shorter than `converged_px`; the next would be at most a quarter of that."""
     if relief is None:
         return pixels
     before = pixels if guess is None else guess
     found = pixels - relief.at(camera, before)
-    going = np.flatnonzero(_far(found, before))
+    going = np.flatnonzero(_far(found, before, converged_px))
     for _ in range(STEPS - 1):
         before = found[going]
         found[going] = pixels[going] - relief.at(camera, before)
-        going = going[_far(found[going], before)]
+        going = going[_far(found[going], before, converged_px)]
         if not going.size:
             break
     return found
 
 
-def _far(points: PointsNx2, others: PointsNx2) -> Mask:
-    apart = np.abs(points - others) > CONVERGED_PX
+def _far(points: PointsNx2, others: PointsNx2, px: float) -> Mask:
+    apart = np.abs(points - others) > px
     return np.asarray(apart[:, 0] | apart[:, 1])
