@@ -385,7 +385,7 @@ class TileCompositor(Kept):
         """Stale tiles close together, so that they share frames; the most urgent one is among them."""
         waiting = {**self._due, **self._behind}
         ready = waiting.keys() - self._kept() or waiting.keys()
-        levels = sorted(grouped(ready), key=lambda some: min((island, tile.z) for island, tile in some))
+        levels = sorted(grouped(ready), key=min)
         # Counted from the first waiting tile of each level: a map that fits into one block is not split.
         blocks = [block for some in levels for block in in_blocks(some, side)]
         return max(blocks, key=lambda block: max(waiting[key] for key in block))
