@@ -37,6 +37,7 @@ WATCHED = (
     "render.frame_warp:frame_warp",
     "render.seams:see",
     "render.territory:Territory.lay_over",
+    "render.territory:Territory.lay_anew",
     "render.territory:Territory.settle",
     "render.whole_things:as_wholes",
     "render.pixels:piece",
