@@ -409,7 +409,7 @@ class _Daemon:
         return not len(self._preparation) and time.monotonic() - self._last_frame > after_s
 
     def _note_done(self, done: Done, vehicle: int | None) -> None:
-        self._state, self._unsettled = "flying", True
+        self._state, self._unsettled = "settling" if self._shutdown.stop.is_set() else "flying", True
         self._announcements.frame(done.state, vehicle)
         self._reporter.conditions.frame(done.state, vehicle)
         latency = time.monotonic() - self._came.pop(done.name)

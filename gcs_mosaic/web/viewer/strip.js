@@ -150,7 +150,7 @@ function runningState({ state, frames_in_queue: queue, seconds_behind: behind, m
   const away = ["missing", "silent", "lost", "ended"].includes(watch?.state);
   const queued = queue ? t("{frames}, {time} behind", { frames: frameCount(queue), time: duration(behind ?? 0) }) : "";
   const link = silent && (silent.state === "silent" ? t("MAVLink silent: {address}", silent) : t("MAVLink failed: {address}", silent));
-  const trouble = link || (away && watchLine(watch));
+  const trouble = state !== "settling" && (link || (away && watchLine(watch))); // at the end nothing is listened for any more
   const warning = trouble && { kind: "warn", detail: trouble };
   const texts = {
     listening: { kind: "wait", title: t("Listening"), detail: t("no frame yet") },
