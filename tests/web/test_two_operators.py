@@ -1,4 +1,4 @@
-"""Two who work on the same find at once, one of them on the page in a real browser: nothing is lost, and nothing fails silently."""
+"""Two who work on one find at once, one of them on the page in a real browser: nothing is lost, nothing fails silently."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from tests.web.test_people_on_the_page import Person
 pytestmark = [pytest.mark.long, pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")]
 
 # The page asks for the finds, and is not answered: it does not know yet what somebody else has just done.
-DEAF = """window.answered = window.fetch; window.fetch = (url, asked) => (
-  String(url).includes("/api/v1/finds") && (asked?.method ?? "GET") === "GET" ? Promise.reject(new TypeError()) : answered(url, asked)
-); void 0"""
+DEAF = """window.answered = window.fetch; window.fetch = (url, asked) => {
+  const isRead = String(url).includes("/api/v1/finds") && (asked?.method ?? "GET") === "GET";
+  return isRead ? Promise.reject(new TypeError()) : answered(url, asked);
+}; void 0"""
 
 
 class Operators:

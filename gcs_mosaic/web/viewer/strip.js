@@ -76,7 +76,7 @@ function showParts(mosaic, island, gaps) {
 /** How it has ended, if it has: well, in a crash, or because the page of an earlier flight is no longer served; else null. */
 function endOf(status, mosaic, hasEnded, lostSeconds) {
   const name = status?.flight ?? mosaic?.flight;
-  const again = t("To open it again: gcs-mosaic serve {name}", { name });
+  const again = t("To open it again: gcs-mosaic serve {name}", { name: typed(name) });
   if (status?.state === "stopped" && (hasEnded || lostSeconds)) {
     const map = finalMap(mosaic);
     return { kind: "calm", title: t("Flight ended"), detail: map, farewell: `${t("Ended, {map}.", { map })} ${again}` };
@@ -89,6 +89,11 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   const crashed = t("gcs-mosaic has ended without finishing: it crashed or was killed.");
   const alarm = `${crashed} ${seenFrom(status.updated)} ${t("Start it again with the same words: the flight goes on by itself.")}`;
   return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
+}
+
+/** A name as a shell takes it for one word: it may have spaces, or an ampersand. */
+function typed(name) {
+  return /^[\w@%+=:,./-]+$/.test(name) ? name : `'${String(name).replaceAll("'", `'"'"'`)}'`;
 }
 
 /** What has become of the map: complete only if it is in one part, and all frames that came are on it. */

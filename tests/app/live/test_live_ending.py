@@ -114,7 +114,9 @@ def test_while_it_works_off_what_has_come_it_says_that_it_ends(tmp_path: Path, p
         flight.process.send_signal(signal.SIGINT)
         until(lambda: "ending: working off" in flight.said, "ending")
         pending = flight.status()["frames"]["pending"]
-        status = flight.wait_for(lambda status: 0 < status["frames"]["pending"] < pending - 1, "some have had their turn")
+        status = flight.wait_for(
+            lambda status: 0 < status["frames"]["pending"] < pending - 1, "some have had their turn"
+        )
         assert status["state"] == "settling"
         assert flight.end(signal.SIGINT) == 0
 
