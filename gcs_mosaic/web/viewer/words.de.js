@@ -318,6 +318,7 @@ export default {
   "Places that may be worth a look, in the order of how odd they are. Never all of them: a person looks at the map.": "Stellen, die einen Blick wert sein können, die seltsamsten zuerst. Nie alle: ein Mensch sieht sich die Karte an.",
   "Play": "Abspielen",
   "Played to": "Gespielt bis",
+  "Point at the middle of the map, which has the keyboard": "Auf die Mitte der Karte zeigen, die die Tastatur hat",
   "Posture": "Haltung",
   "Previous frame": "Voriges Bild",
   "Probability": "Wahrscheinlichkeit",
