@@ -88,6 +88,15 @@ def test_a_flight_that_ends_is_not_asked_for_its_link(page: Page, url: str, flig
     assert "16 frames, 48 s behind" in page.evaluate("document.getElementById('state').innerText")
 
 
+def test_a_flight_that_goes_on_has_frames(page: Page, url: str, flight: SmallFlight) -> None:
+    """Started again after a crash it was said to have none, beside its map."""
+    flight.status(state="listening")
+    page.open(url)
+    page.wait_for("document.getElementById('state').innerText.includes('no new frame yet')")
+    flight.status(state="listening", accounts=Accounts())
+    page.wait_for("document.getElementById('state').innerText.includes('no frame yet')")
+
+
 def test_row_13_finds_without_an_anchor_are_said_to_be_nowhere_for_others(
     page: Page, url: str, flight: SmallFlight
 ) -> None:

@@ -150,15 +150,16 @@ function nothingYet() {
 }
 
 /** @param {Api.Status} status */
-function runningState({ state, frames_in_queue: queue, seconds_behind: behind, mavlink, last_frame: last, watch }) {
+function runningState({ state, frames, frames_in_queue: queue, seconds_behind: behind, mavlink, last_frame: last, watch }) {
   const silent = mavlink.find((link) => link.state === "silent" || link.state === "failed");
   const away = ["missing", "silent", "lost", "ended"].includes(watch?.state);
   const queued = queue ? t("{frames}, {time} behind", { frames: frameCount(queue), time: duration(behind ?? 0) }) : "";
   const link = silent && (silent.state === "silent" ? t("MAVLink silent: {address}", silent) : t("MAVLink failed: {address}", silent));
   const trouble = state !== "settling" && (link || (away && watchLine(watch))); // at the end nothing is listened for any more
   const warning = trouble && { kind: "warn", detail: trouble };
+  const goesOn = frames.placed + (frames.covered ?? 0) > 0; // with a flight that was interrupted
   const texts = {
-    listening: { kind: "wait", title: t("Listening"), detail: t("no frame yet") },
+    listening: { kind: "wait", title: t("Listening"), detail: goesOn ? t("no new frame yet") : t("no frame yet") },
     flying: { kind: queue && behind > LATE_AFTER_S ? "warn" : "good", title: t("Flying"), detail: queued || t("frames arrive") },
     idle: { kind: "wait", title: t("Idle"), detail: last ? t("no frame for {time}", { time: duration(ageOf(last.time)) }) : "" },
     settling: { kind: "wait", title: t("Finishing"), detail: queued || t("painting the final map") },

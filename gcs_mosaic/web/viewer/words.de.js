@@ -532,6 +532,7 @@ export default {
   "no frame for {time}": "kein Bild seit {time}",
   "no frame yet": "noch kein Bild",
   "no longer served": "wird nicht mehr gezeigt",
+  "no new frame yet": "noch kein neues Bild",
   "no number": "keine Nummer",
   "no picture has come": "kein Bild ist gekommen",
   "not painted": "nicht gemalt",
