@@ -14,6 +14,7 @@ from gcs_mosaic.store import inside
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.typed import typed
 
 logger = logging.getLogger(__name__)
 
@@ -59,7 +60,7 @@ def salvage(flight: Path) -> Salvaged:
     counts = ", ".join(f"{table} {count}" for table, count in read.counts.items() if count)
     where = f"the damaged ledger is kept as {aside.name}; read of it: " if aside else "there was no ledger; "
     unread = _unread_words(read) if counts else f"nothing could be read: {LOST['events']} are lost"
-    again = "" if placed else f": gcs-mosaic stitch {flight / 'frames'} makes the map anew"
+    again = "" if placed else f": gcs-mosaic stitch {typed(flight / 'frames')} makes the map anew"
     return Salvaged(f"{where}{'; '.join(part for part in (counts, unread) if part)}{again}", unread)
 
 

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from gcs_mosaic.check.check import check, repair
 from gcs_mosaic.check.findings import Findings, Progress, in_groups
+from gcs_mosaic.store.typed import typed
 
 SHOWN = 5  # names of each kind of fault
 
@@ -58,9 +59,11 @@ def verdict(found: Findings, *, mended: bool) -> str:
     count = "1 fault" if faults == 1 else f"{faults} faults"
     if mended or found.is_beyond_repair:
         frames = Path(found.flight) / "frames"
-        resume = f"gcs-mosaic --resume --out {found.flight} may bring it back, " if found.resumable else ""
-        return f"{found.flight}: {count} cannot be repaired: {resume}gcs-mosaic stitch {frames} makes the map anew"
-    return f"{found.flight}: {count}: gcs-mosaic check {found.flight} --repair makes anew what can be made"
+        resume = f"gcs-mosaic --resume --out {typed(found.flight)} may bring it back, " if found.resumable else ""
+        return (
+            f"{found.flight}: {count} cannot be repaired: {resume}gcs-mosaic stitch {typed(frames)} makes the map anew"
+        )
+    return f"{found.flight}: {count}: gcs-mosaic check {typed(found.flight)} --repair makes anew what can be made"
 
 
 @contextmanager

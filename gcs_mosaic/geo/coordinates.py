@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.geo.transverse_mercator import UtmPlace, place_of_utm, utm
@@ -29,6 +29,14 @@ _ANGLE = re.compile(
     rf"([NSEW])?\s*([+-]?\d+(?:\.\d+)?)\s*°?(?:\s*{_NUMBER}\s*'?(?!'))?(?:\s*{_NUMBER}\s*(?:\"|'')?)?\s*([NSEW])?",
     re.ASCII,
 )
+# What is told beside a coordinate on the page, in a message of a find and by other programs.
+_WITHIN = re.compile(r"\s*(?:±|\+/-|\(WITHIN)\s*(\d{1,5}(?:[.,]\d+)?) ?M\b.*", re.ASCII)
+_GEO = re.compile(
+    r"GEO: ?([^,;?]+,[^,;?]+)(?:,[^;?]*)?(?:[;?].*)?", re.ASCII
+)  # RFC 5870: a height and parameters may follow
+_UNCERTAINTY = re.compile(r";U=(\d{1,5}(?:\.\d+)?)\b", re.ASCII)
+_ENCLOSED = re.compile(r"\((.+)\)|\[(.+)\]", re.ASCII)
+_SIGMAS = 2.448  # within which 95 % lie, in a plane
 _SAME = str.maketrans(
     {"º": "°", "˚": "°", "′": "'", "’": "'", "‘": "'", "″": '"', "”": '"', "“": '"', "−": "-", "–": "-"}
 )
@@ -36,7 +44,7 @@ _SAME = str.maketrans(
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """A place on earth in degrees; `precision_m`: half of the last digit that was given."""
+    """A place on earth in degrees; `precision_m`: half of the last digit that was given, or more if it is told beside it."""
 
     longitude_deg: float
     latitude_deg: float
@@ -50,9 +58,27 @@ class Coordinate:
 
 def read_coordinate(text: str) -> Coordinate:
     """The place that somebody has written. Raises UsageError, which says what came and what is wanted."""
-    told = _with_points(" ".join(text.translate(_SAME).upper().split()))
+    told = " ".join(text.translate(_SAME).upper().split())
     if not told or len(text) > LONGEST:
         raise UsageError(f"A coordinate is to have 1 to {LONGEST} characters; {WANTED}.")
+    told, within_m = _bare(told)
+    found = _read(text, _with_points(told))
+    return replace(found, precision_m=max(found.precision_m, within_m / _SIGMAS * math.sqrt(3)))
+
+
+def _bare(told: str) -> tuple[str, float]:
+    """A coordinate that was copied, without what is told beside it; and how far off it may be (95 %), metres."""
+    within = _WITHIN.search(told) or _UNCERTAINTY.search(told)
+    told = _WITHIN.sub("", told)
+    if (geo := _GEO.fullmatch(told)) is not None:
+        told = geo.group(1)
+    if (enclosed := _ENCLOSED.fullmatch(told)) is not None:
+        told = (enclosed.group(1) or enclosed.group(2)).strip()
+    return told, float(within.group(1).replace(",", ".")) if within else 0.0
+
+
+def _read(text: str, told: str) -> Coordinate:
+    """`told`: what is read of the text. Raises UsageError."""
     if (found := _UTM.fullmatch(told)) is not None:
         return _of_utm(text, *found.groups())
     if (found := _MGRS.fullmatch(told)) is not None:

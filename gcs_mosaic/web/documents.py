@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import json
 import os
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +16,8 @@ from aiohttp import web
 
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.documents import Limits
+from gcs_mosaic.store.folder import LEDGER_NAME
+from gcs_mosaic.store.guard import flight_at
 from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
 from gcs_mosaic.store.reading import LARGEST_DOCUMENT
 from gcs_mosaic.store.told_documents import JournalHead, MosaicDocument, PlacementsDocument, StatusDocument
@@ -25,6 +29,7 @@ from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.tile_answer import tagged
 
 STATUS = "status.json"
+FLIGHT = "X-Flight"  # the same of two answers: they are of one flight
 SMALL_BYTES = 1 << 20  # of a document that is answered from memory
 CHUNK = 1 << 16  # bytes of a document in memory for each page that takes it
 NOT_YET = {404: "It is not written yet."}
@@ -45,7 +50,13 @@ class JournalQuery:
 )
 async def document(request: web.Request) -> web.StreamResponse:
     """The document as it lies in the flight's folder."""
-    path = request.app[ROOT] / request.path.lstrip("/")
+    answered = await _document(request, request.app[ROOT] / request.path.lstrip("/"))
+    if which := await asyncio.to_thread(_which_flight, request.app[ROOT] / LEDGER_NAME):
+        answered.headers[FLIGHT] = which
+    return answered
+
+
+async def _document(request: web.Request, path: Path) -> web.StreamResponse:
     try:
         small = await asyncio.to_thread(small_document, path)
     except OSError:
@@ -54,6 +65,22 @@ async def document(request: web.Request) -> web.StreamResponse:
         return web.FileResponse(path, CHUNK, headers={"Content-Type": "application/json"})
     data, etag = small
     return tagged(request, data, "application/json", etag)
+
+
+def _which_flight(ledger: Path) -> str:
+    """What tells flights of one name apart for an open page, as those of two days in `mosaic` are; empty if that is not known."""
+    try:
+        found = ledger.stat()
+        return _told_flight(ledger, found.st_dev, found.st_ino)
+    except OSError:
+        return ""
+
+
+@lru_cache(maxsize=8)
+def _told_flight(ledger: Path, _device: int, _file: int) -> str:
+    """Of this file, which is asked for each second and not opened each time."""
+    told = flight_at(ledger)
+    return hashlib.blake2b(repr(told).encode(), digest_size=8).hexdigest() if told else ""
 
 
 def small_document(path: Path) -> tuple[bytes, str] | None:

@@ -33,10 +33,10 @@ import cv2
 import numpy as np
 import pytest
 
-from gcs_mosaic.messages import SourceReport
+from gcs_mosaic.messages import LinkReport, SourceReport
 from gcs_mosaic.render.tile_grid import Tile
 from gcs_mosaic.store.records import Accounts, NoticeRecord
-from gcs_mosaic.store.status import Condition
+from gcs_mosaic.store.status import Behind, Condition
 from gcs_mosaic.store.told_documents import FrameAccount
 from gcs_mosaic.web.feed import Feed
 from tests.notes.written_pins import write_pins
@@ -75,6 +75,26 @@ def test_row_10_one_fact_is_told_once_and_goes_when_it_is_over(page: Page, url: 
     page.wait_for("document.getElementById('state').className === 'good'")
     assert "behind" not in page.evaluate(SIGHT)
     assert page.evaluate("document.getElementById('chip').hidden")
+
+
+def test_a_flight_that_ends_is_not_asked_for_its_link(page: Page, url: str, flight: SmallFlight) -> None:
+    """It was said to be silent, in yellow, when it had been closed and the last frames were worked off."""
+    silent = (LinkReport(address="udp:14550", state="silent", last_heard_utc=time.time() - 30),)
+    flight.status(mavlink=silent)
+    page.open(url)
+    page.wait_for("document.getElementById('state').innerText.includes('MAVLink silent')")
+    flight.status(state="settling", mavlink=silent, behind=Behind(frames=16, seconds=48.0))
+    page.wait_for("document.getElementById('state').innerText.includes('Finishing')")
+    assert "16 frames, 48 s behind" in page.evaluate("document.getElementById('state').innerText")
+
+
+def test_a_flight_that_goes_on_has_frames(page: Page, url: str, flight: SmallFlight) -> None:
+    """Started again after a crash it was said to have none, beside its map."""
+    flight.status(state="listening")
+    page.open(url)
+    page.wait_for("document.getElementById('state').innerText.includes('no new frame yet')")
+    flight.status(state="listening", accounts=Accounts())
+    page.wait_for("document.getElementById('state').innerText.includes('no frame yet')")
 
 
 def test_row_13_finds_without_an_anchor_are_said_to_be_nowhere_for_others(

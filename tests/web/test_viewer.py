@@ -397,13 +397,13 @@ def test_a_good_end_does_not_look_like_a_crash(page: Page, tmp_path: Path, fligh
     for state in ("stopped", "flying"):
         server = WebServer(tmp_path, HttpAddress("127.0.0.1", 0), Feed())
         shown_here(page, server.start(), flight)
-        flight.status(state=state)
+        flight.status(state=state, flight="alm & hof")
         server.stop()
         page.wait_for("[...document.querySelectorAll('#farewell, #alarm')].some((one) => !one.hidden)")
         said[state] = page.evaluate("document.getElementById('state').className + ' ' + document.body.innerText")
         page.open("about:blank")
     assert said["stopped"].startswith("calm")
-    assert "Ended, map complete, 1 frame. To open it again: gcs-mosaic serve small" in said["stopped"]
+    assert "Ended, map complete, 1 frame. To open it again: gcs-mosaic serve 'alm & hof'" in said["stopped"]
     assert said["flying"].startswith("bad")
     assert "it crashed or was killed" in said["flying"]
 

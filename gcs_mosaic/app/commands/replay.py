@@ -39,6 +39,7 @@ from gcs_mosaic.notes.anchors.anchor_setting import let_positions_lay
 from gcs_mosaic.store.flight_store import StoreHooks
 from gcs_mosaic.store.folder import open_flight_folder
 from gcs_mosaic.store.told_documents import EventAccount
+from gcs_mosaic.store.typed import typed
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 
 _FOUND_AFTER = 1.5  # looks: a file is accepted at the second look that finds it unchanged
@@ -88,7 +89,7 @@ def replay(
             for text in (text for one in folders for text in one.passed_over):
                 say(console, Notice(source="frames", level="warning", text=text))
             for doubts in (told.doubts for told in came if told.doubts):
-                say(console, Notice(source="pairing", level="warning", text=doubts.text(str(folder.path))))
+                say(console, Notice(source="pairing", level="warning", text=doubts.text(typed(folder.path))))
             by_times = all(told.told_by == FILE_TIMES for told in came)
             with closing(_Replay(folder.path, config, console, link, judges=by_times)) as flight:
                 if config.anchor == "positions":
@@ -229,7 +230,7 @@ class _Replay:
         self._pipeline.save()
         out, doubts = self._pipeline.store.out, self._event_log.doubts
         text = (
-            doubts.text(str(out)) if self._judges and doubts else contradiction_text(self._pipeline.store.ledger, out)
+            doubts.text(typed(out)) if self._judges and doubts else contradiction_text(self._pipeline.store.ledger, out)
         )
         if text is not None:
             self._say(Notice(source="pairing", level="warning", text=text))

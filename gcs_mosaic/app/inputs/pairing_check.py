@@ -14,6 +14,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.folder import PAIRING_NAME
 from gcs_mosaic.store.ledger import Ledger
 from gcs_mosaic.store.records import EventRecord, EventState
+from gcs_mosaic.store.typed import typed
 from gcs_mosaic.triggers.shifted_positions import shift_by_positions
 
 LARGEST = 16 << 20  # bytes of pairing.json: some hundred thousand pairs
@@ -64,7 +65,7 @@ def shifted_text(flight: Path, shift: int, chosen: int) -> str:
     """`shift`: by how many shots the pairs are off; `chosen`: which one `gcs-mosaic pair` is to be given."""
     return (
         f"The positions of the triggers fit the map far better if each picture belongs {shots_later(shift)}: which trigger "
-        f"belongs to which picture is ambiguous; gcs-mosaic pair {flight} --shift {chosen} chooses that, after the flight"
+        f"belongs to which picture is ambiguous; gcs-mosaic pair {typed(flight)} --shift {chosen} chooses that, after the flight"
     )
 
 

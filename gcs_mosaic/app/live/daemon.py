@@ -61,6 +61,7 @@ from gcs_mosaic.store.records import FrameState
 from gcs_mosaic.store.retry import UntilWritable
 from gcs_mosaic.store.status import AircraftStatus, Behind, LastFrame, frames_words
 from gcs_mosaic.store.told_documents import DaemonState
+from gcs_mosaic.store.typed import typed
 from gcs_mosaic.triggers.shots import CameraMessage, Shots
 from gcs_mosaic.web.address import HttpAddress
 
@@ -410,7 +411,7 @@ class _Daemon:
         return not len(self._preparation) and time.monotonic() - self._last_frame > after_s
 
     def _note_done(self, done: Done, vehicle: int | None) -> None:
-        self._state, self._unsettled = "flying", True
+        self._state, self._unsettled = "settling" if self._shutdown.stop.is_set() else "flying", True
         self._announcements.frame(done.state, vehicle)
         self._reporter.conditions.frame(done.state, vehicle)
         latency = time.monotonic() - self._came.pop(done.name)
@@ -513,7 +514,7 @@ class _Daemon:
     def _ambiguous(self) -> str | None:
         """Which triggers and pictures may as well belong together otherwise, and what to do."""
         doubts = self._event_log.doubts
-        return doubts.text(str(self._pipeline.store.out)) if doubts else None
+        return doubts.text(typed(self._pipeline.store.out)) if doubts else None
 
     def _take_in_the_rest(self) -> None:
         while len(self._inbox) and self._may_go_on():

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.typed import typed
 
 SHOWN_NAMES = 3
 GOES_ON = ", then it goes on"
@@ -20,21 +21,20 @@ def left_out_words(count: int) -> str:
 
 def unstitched_words(count: int, out: Path) -> str:
     if count == 1:
-        return f"1 frame is not on the map, there was no time: gcs-mosaic --resume --out {out} goes on with it"
-    return f"{count} frames are not on the map, there was no time: gcs-mosaic --resume --out {out} goes on with them"
+        return f"1 frame is not on the map, there was no time: gcs-mosaic --resume --out {typed(out)} goes on with it"
+    return f"{count} frames are not on the map, there was no time: gcs-mosaic --resume --out {typed(out)} goes on with them"
 
 
 def unpainted_words(out: Path) -> str:
-    return (
-        f"parts of the map stay as in flight, there was no time to paint them: gcs-mosaic --resume --out {out} does it"
-    )
+    return f"parts of the map stay as in flight, there was no time to paint them: gcs-mosaic --resume --out {typed(out)} does it"
 
 
 def not_kept_words(left: Sequence[str], out: Path) -> str:
     """`left`: names of frames without an original."""
     more = f" and {len(left) - SHOWN_NAMES} more" if len(left) > SHOWN_NAMES else ""
     names = ", ".join(left[:SHOWN_NAMES]) + more
-    return f"{len(left)} originals are not kept ({names}): gcs-mosaic check {out} --repair --frames DIR takes them from DIR"
+    how = f"gcs-mosaic check {typed(out)} --repair --frames DIR takes them from DIR"
+    return f"{len(left)} originals are not kept ({names}): {how}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class LeftBehind:
         )
         left = ", ".join(_counted(count, what, so) for count, what, so in told if count) or "nothing that came is lost"
         what = str(trouble).replace(GOES_ON, "")
-        return f"{what}. The flight has ended before that: {left}. Then gcs-mosaic --resume --out {out} goes on with it"
+        return f"{what}. The flight has ended before that: {left}. Then gcs-mosaic --resume --out {typed(out)} goes on with it"
 
 
 def _counted(count: int, what: str, so: str) -> str:

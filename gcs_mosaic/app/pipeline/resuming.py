@@ -36,6 +36,7 @@ from gcs_mosaic.store.reading import read_document
 from gcs_mosaic.store.records import EventRecord, FrameRecord
 from gcs_mosaic.store.schema import DamagedLedger
 from gcs_mosaic.store.status import STATUS_NAME
+from gcs_mosaic.store.typed import typed
 
 logger = logging.getLogger(__name__)
 
@@ -115,7 +116,8 @@ def _asked_for(out: Path, *, otherwise: str) -> FlightFolder:
 
 
 def _damaged(path: Path) -> str:
-    return f"the ledger of the flight in {path} is damaged, and left as it is: gcs-mosaic check {path} --repair may bring it back"
+    how = f"gcs-mosaic check {typed(path)} --repair may bring it back"
+    return f"the ledger of the flight in {path} is damaged, and left as it is: {how}"
 
 
 def _mapped_again(path: Path, config: Config) -> str:
@@ -128,7 +130,11 @@ def _mapped_again(path: Path, config: Config) -> str:
     except (OSError, ValueError, LookupError, TypeError):
         logger.debug("what is watched for %s is not known", path, exc_info=True)
         return ""
-    return f", so {config.watch} is mapped a second time (gcs-mosaic serve {path} shows that map, too)" if same else ""
+    return (
+        f", so {config.watch} is mapped a second time (gcs-mosaic serve {typed(path)} shows that map, too)"
+        if same
+        else ""
+    )
 
 
 def begin_stitch(config: Config) -> OpenedFlight:
@@ -159,7 +165,7 @@ def _resumed(folder: FlightFolder, config: Config, *, by_itself: bool = False) -
         raise UsageError(f"the flight in {folder.path} is left as it is: {saved.reason}")
     raise UsageError(
         f"--resume: the flight in {folder.path} cannot be gone on with: {saved.reason}. Start without --resume: the new "
-        f"flight is written beside it, and gcs-mosaic stitch {folder.path / 'frames'} makes a map of what it has."
+        f"flight is written beside it, and gcs-mosaic stitch {typed(folder.path / 'frames')} makes a map of what it has."
     )
 
 

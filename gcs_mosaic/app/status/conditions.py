@@ -107,13 +107,16 @@ class Conditions:
         elif state in (FrameState.WAITING, FrameState.REJECTED):
             self._unmatched[vehicle] += 1
 
-    def so_now(self, facts: Facts) -> tuple[Condition, ...]:
-        """All that is so now, the worst first; what began or ended since the last call is told by `fresh`."""
+    def so_now(self, facts: Facts, *, ending: bool = False) -> tuple[Condition, ...]:
+        """All that is so now, the worst first; what began or ended since the last call is told by `fresh`.
+
+        `ending`: nothing is listened for any more, the map is being finished.
+        """
         found = list(self._found(facts))
         self._since = {one.key: self._since.get(one.key, facts.utc) for one in found}
         lasting = [one for one in found if facts.utc - self._since[one.key] >= one.held_s]
         self._tell(lasting)
-        return self._worst_first(lasting)
+        return self._worst_first(one for one in lasting if not (ending and one.hoped))
 
     def at_the_end(self, facts: Facts) -> tuple[Condition, ...]:
         """All that stays true of the ended flight, the worst first; what was never told is told by `fresh`."""

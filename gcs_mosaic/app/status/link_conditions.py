@@ -64,7 +64,11 @@ def _of_link(link: LinkReport, since_start_s: float, *, is_refusing: bool) -> It
     key, never = f"link {link.address}", link.last_heard_utc is None
     if link.state == "failed":
         yield SoNow(
-            key, "error", f"The link {link.address} has failed: it is opened again as soon as it can be", said=False
+            key,
+            "error",
+            f"The link {link.address} has failed: it is opened again as soon as it can be",
+            said=False,
+            hoped=True,
         )
     elif (never and link.refused != Refusals()) or (link.state == "silent" and is_refusing):
         text = f"All packets on {link.address} are refused, because {_why_refused(link)}. Pictures are mapped meanwhile"
@@ -75,10 +79,10 @@ def _of_link(link: LinkReport, since_start_s: float, *, is_refusing: bool) -> It
             f"Nothing was ever heard on {link.address}: see that the autopilot or the ground station sends to this "
             "address. Pictures are mapped meanwhile"
         )
-        yield SoNow(key, "warning", text, said=False)
+        yield SoNow(key, "warning", text, said=False, hoped=True)
     elif link.state == "silent":
         text = f"The link {link.address} is silent: see whether the aircraft is out of reach. Pictures are mapped meanwhile"
-        yield SoNow(key, "warning", text, said=False)
+        yield SoNow(key, "warning", text, said=False, hoped=True)
     elif is_refusing:
         text = (
             f"Packets on {link.address} that are not signed with the key are refused, beside those that are: a radio's own "
@@ -109,4 +113,4 @@ def of_silent_aircraft(links: Sequence[LinkReport]) -> Iterator[SoNow]:
             f"Aircraft {system} is silent while others are heard: see whether it is out of reach. "
             "Its pictures are mapped meanwhile"
         )
-        yield SoNow(f"silence of aircraft {system}", "warning", text)
+        yield SoNow(f"silence of aircraft {system}", "warning", text, hoped=True)

@@ -128,7 +128,7 @@ class Reporter:
         self.accounts = accounts()
         fleet, told = aircraft(), largest(held_out(), ISLANDS_SHOWN)
         facts = self._facts(behind, islands, fleet, told)
-        conditions = self.conditions
+        conditions, ending = self.conditions, state == "settling"
         status = Status(
             flight=self._flight.name,
             state=state,
@@ -142,7 +142,7 @@ class Reporter:
             last_frame=self.last_frame,
             accounts=self.accounts,
             held_out=told,
-            conditions=conditions.at_the_end(facts) if state == "stopped" else conditions.so_now(facts),
+            conditions=conditions.at_the_end(facts) if state == "stopped" else conditions.so_now(facts, ending=ending),
             notices=tuple(self._notices),
         )
         self._tell(status)

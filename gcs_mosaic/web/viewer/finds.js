@@ -145,19 +145,29 @@ export class Finds {
     const texts = Object.fromEntries(["label", "kind", "note"].map((name) => [name, this.form.elements[name].value]));
     const { edited } = this;
     const answer = await trying(this.said, () => (edited
-      ? send("PATCH", `/finds/${edited.id}`, { ...texts, revision: edited.revision })
+      ? this.change(edited, texts)
       : send("POST", "/finds", { ...texts, ...this.place, key: this.key })));
     if (answer?.isOutdated) {
-      this.said.textContent = t("Somebody else has changed it meanwhile: look at it, then save again.");
+      this.said.textContent = answer.deleted
+        ? t("Somebody else has deleted it meanwhile: save again to have it back with these words.")
+        : t("Somebody else has changed it meanwhile: look at it, then save again.");
       this.edited = answer;
     } else if (answer) this.endForm();
     await this.read();
   }
 
+  /** Write a find's texts; one that was deleted is there again first, or they would be seen by nobody. */
+  async change(find, texts) {
+    const there = find.deleted ? await send("POST", `/finds/${find.id}/restore`, { revision: find.revision }) : find;
+    return there.isOutdated ? there : send("PATCH", `/finds/${find.id}`, { ...texts, revision: there.revision });
+  }
+
   /** @param {Api.Find} find */
   async remove(find) {
     const answer = await trying(this.said, () => send("DELETE", `/finds/${find.id}`, { revision: find.revision }));
-    if (answer && !answer.isOutdated) {
+    if (answer?.isOutdated && !answer.deleted) {
+      this.said.textContent = t("Somebody else has changed it meanwhile: look at it, then delete it again.");
+    } else if (answer) {
       this.deleted = answer;
       this.undo.querySelector("span").textContent = t("{name} is deleted.", { name: nameOf(find) });
       this.undo.hidden = false;
@@ -166,9 +176,14 @@ export class Finds {
     await this.read();
   }
 
+  /** Whatever has become of it meanwhile: nothing is overwritten by a find that is there again. */
   async restore() {
-    const { id, revision } = this.deleted;
-    if (await trying(this.said, () => send("POST", `/finds/${id}/restore`, { revision }))) this.undo.hidden = true;
+    const answer = await trying(this.said, () => send("POST", `/finds/${this.deleted.id}/restore`, { revision: this.deleted.revision }));
+    if (answer?.isOutdated && answer.deleted) {
+      this.deleted = answer;
+      return this.restore();
+    }
+    if (answer) this.undo.hidden = true;
     await this.read();
   }
 }

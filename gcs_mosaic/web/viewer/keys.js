@@ -23,6 +23,7 @@ const KEYS = [
   ["f", "Full screen", () => press("full")],
   ["+  −", "Nearer, farther", null],
   ["← ↑ → ↓", "Move the map; step through originals", null],
+  ["↵", "Point at the middle of the map, which has the keyboard", null],
   ["b", "Blink between two originals", null],
   ["s", "All looks at a place side by side", null],
   ["Esc", "End what was begun, close what is open", null],

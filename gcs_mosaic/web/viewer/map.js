@@ -50,9 +50,17 @@ export class MosaicMap {
     this.setMode("all");
   }
 
+  pointAt({ lng, lat }) {
+    if (this.layer) this.onPlace?.(this.layer.island, lng, lat);
+  }
+
   bind() {
     this.movedByUs = false;
-    this.map.on("click", ({ latlng }) => this.layer && this.onPlace?.(this.layer.island, latlng.lng, latlng.lat));
+    this.map.on("click", ({ latlng }) => this.pointAt(latlng));
+    const container = this.map.getContainer();
+    container.addEventListener("keydown", ({ key, repeat, target }) => {
+      if (key === "Enter" && !repeat && target === container) this.pointAt(this.map.getCenter()); // for whom moves it by keys
+    });
     this.map.on("dragstart", () => this.setMode("free"));
     this.map.on("zoomstart", () => this.mode === "all" && !this.movedByUs && this.setMode("free"));
     this.map.on("resize", () => this.keepInView());

@@ -34,6 +34,15 @@ export class Pointing {
     this.hint.hidden = false;
     this.map.map.doubleClickZoom.disable(); // two points that are near each other are two points
     this.map.map.getContainer().classList.add("pointing");
+    this.handKeys(tool.button);
+  }
+
+  /** Whoever works by keys moves the map next; a mouse leaves the keyboard where it is. */
+  handKeys(button) {
+    const container = this.map.map.getContainer();
+    const { activeElement } = document;
+    const isNowhere = activeElement === document.body || container.contains(activeElement);
+    if (isNowhere || button?.matches(":focus-visible")) container.focus({ preventScroll: true });
   }
 
   release() {

@@ -14,8 +14,14 @@ let wasAnswered = false; // by the server, not out of what was kept
 let sawKept = false; // since the last attempt began
 let clockOffsetMs = 0; // server's clock minus this device's: a tablet's clock may be minutes off
 let patienceMs = FIRST_PATIENCE_MS;
+let served = ""; // what the server calls the flight of the last document, where it tells flights of one name apart
 /** @type {Set<AbortController>} the questions that are not answered */
 const asked = new Set();
+
+/** What tells the flight that is served from others of its name; empty if nothing does. */
+export function servedFlight() {
+  return served;
+}
 
 /** The moment on the server's clock, ms since 1970. */
 export function serverNow() {
@@ -51,6 +57,7 @@ async function answerTo(path) {
   const response = STATE.test(path) ? await stateAt(path) : await within(QUESTION_MS, path);
   if (noteSource(response, wasAnswered)) sawKept = true;
   else wasAnswered = true;
+  served = response.headers.get("X-Flight") ?? served;
   const date = sawKept ? NaN : Date.parse(response.headers.get("Date"));
   // The header has whole seconds; half a second is the best guess of the rest.
   if (!Number.isNaN(date)) clockOffsetMs = date + 500 - Date.now();

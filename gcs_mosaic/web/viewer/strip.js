@@ -76,7 +76,7 @@ function showParts(mosaic, island, gaps) {
 /** How it has ended, if it has: well, in a crash, or because the page of an earlier flight is no longer served; else null. */
 function endOf(status, mosaic, hasEnded, lostSeconds) {
   const name = status?.flight ?? mosaic?.flight;
-  const again = t("To open it again: gcs-mosaic serve {name}", { name });
+  const again = t("To open it again: gcs-mosaic serve {name}", { name: typed(name) });
   if (status?.state === "stopped" && (hasEnded || lostSeconds)) {
     const map = finalMap(mosaic);
     return { kind: "calm", title: t("Flight ended"), detail: map, farewell: `${t("Ended, {map}.", { map })} ${again}` };
@@ -89,6 +89,11 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   const crashed = t("gcs-mosaic has ended without finishing: it crashed or was killed.");
   const alarm = `${crashed} ${seenFrom(status.updated)} ${t("Start it again with the same words: the flight goes on by itself.")}`;
   return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
+}
+
+/** A name as a shell takes it for one word: it may have spaces, or an ampersand. */
+function typed(name) {
+  return /^[\w@%+=:,./-]+$/.test(name) ? name : `'${String(name).replaceAll("'", `'"'"'`)}'`;
 }
 
 /** What has become of the map: complete only if it is in one part, and all frames that came are on it. */
@@ -145,15 +150,16 @@ function nothingYet() {
 }
 
 /** @param {Api.Status} status */
-function runningState({ state, frames_in_queue: queue, seconds_behind: behind, mavlink, last_frame: last, watch }) {
+function runningState({ state, frames, frames_in_queue: queue, seconds_behind: behind, mavlink, last_frame: last, watch }) {
   const silent = mavlink.find((link) => link.state === "silent" || link.state === "failed");
   const away = ["missing", "silent", "lost", "ended"].includes(watch?.state);
   const queued = queue ? t("{frames}, {time} behind", { frames: frameCount(queue), time: duration(behind ?? 0) }) : "";
   const link = silent && (silent.state === "silent" ? t("MAVLink silent: {address}", silent) : t("MAVLink failed: {address}", silent));
-  const trouble = link || (away && watchLine(watch));
+  const trouble = state !== "settling" && (link || (away && watchLine(watch))); // at the end nothing is listened for any more
   const warning = trouble && { kind: "warn", detail: trouble };
+  const goesOn = frames.placed + (frames.covered ?? 0) > 0; // with a flight that was interrupted
   const texts = {
-    listening: { kind: "wait", title: t("Listening"), detail: t("no frame yet") },
+    listening: { kind: "wait", title: t("Listening"), detail: goesOn ? t("no new frame yet") : t("no frame yet") },
     flying: { kind: queue && behind > LATE_AFTER_S ? "warn" : "good", title: t("Flying"), detail: queued || t("frames arrive") },
     idle: { kind: "wait", title: t("Idle"), detail: last ? t("no frame for {time}", { time: duration(ageOf(last.time)) }) : "" },
     settling: { kind: "wait", title: t("Finishing"), detail: queued || t("painting the final map") },

@@ -31,7 +31,7 @@ import { makePanels, togglePanel } from "/viewer/panels.js";
 import { Placements } from "/viewer/placements.js";
 import { Pointing } from "/viewer/pointing.js";
 import { Reviews } from "/viewer/reviews.js";
-import { Connection, fetchDocument } from "/viewer/server.js";
+import { Connection, fetchDocument, servedFlight } from "/viewer/server.js";
 import { makeSheet, showStrip } from "/viewer/strip.js";
 import { Trees } from "/viewer/trees.js";
 import { Thermal } from "/viewer/thermal.js";
@@ -78,8 +78,8 @@ originals.onMark = (place) => finds.begin(place);
 const noted = [finds, measure, anchors]; // what people add
 const lag = new Lag();
 const aircraft = new AircraftChoice(byId("aircraft"));
-/** @type {{ mosaic: Api.Mosaic | null, newestFrame: Api.Placed | Api.Covered | null, status: Api.Status | null, statusAt: number }} */
-const known = { mosaic: null, newestFrame: null, status: null, statusAt: 0 }; // the last that came: it stays while the server is away
+/** @type {{ mosaic: Api.Mosaic | null, newestFrame: Api.Placed | Api.Covered | null, status: Api.Status | null, statusAt: number, served: string }} */
+const known = { mosaic: null, newestFrame: null, status: null, statusAt: 0, served: "" }; // the last that came: it stays while the server is away
 let isGone = false; // the flight's folder, which was there
 let reading = false;
 let readAgain = false;
@@ -119,7 +119,10 @@ function mapRevision() {
 
 /** A daemon that was started again may write another flight: nothing on this page is true of it. */
 function startAfreshForAnotherFlight(mosaic) {
-  if (!known.mosaic || !mosaic || known.mosaic.flight === mosaic.flight) return;
+  const before = known.served;
+  if (mosaic) known.served = servedFlight();
+  const isSame = !before || before === known.served; // those of two days may have one name
+  if (!known.mosaic || !mosaic || (known.mosaic.flight === mosaic.flight && isSame)) return;
   forget();
   location.reload();
 }

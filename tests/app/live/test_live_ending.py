@@ -105,6 +105,23 @@ def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> N
 
 
 @pytest.mark.long
+def test_while_it_works_off_what_has_come_it_says_that_it_ends(tmp_path: Path, pictures: list[bytes]) -> None:
+    """And not that it flies, which who looks at the page would take for a flight that goes on."""
+    with flying(tmp_path) as flight:
+        for k in range(60):
+            flight.bring(f"IMG_{k}.JPG", numbered(pictures[k % 6], k))
+        flight.wait_for(lambda status: sum(status["frames"].values()) == 60, "sixty frames came")
+        flight.process.send_signal(signal.SIGINT)
+        until(lambda: "ending: working off" in flight.said, "ending")
+        pending = flight.status()["frames"]["pending"]
+        status = flight.wait_for(
+            lambda status: 0 < status["frames"]["pending"] < pending - 1, "some have had their turn"
+        )
+        assert status["state"] == "settling"
+        assert flight.end(signal.SIGINT) == 0
+
+
+@pytest.mark.long
 def test_a_final_painting_that_is_cut_short_is_said(tmp_path: Path, pictures: list[bytes]) -> None:
     with flying(tmp_path, config=QUICK + "\nfinish_s: 0\n") as flight:
         for k in range(3):

@@ -101,7 +101,8 @@ def test_the_status_of_an_ended_flight_tells_what_stays_so(
         reporter.write(state, Behind(), 1, lambda: accounts, lambda: held_out, islands=2, now=True)
         return {one["key"] for one in document_at(tmp_path / "status.json")["conditions"]}
 
-    assert told("settling") == {"link udp:14550", "missing"}
+    assert told("flying") == {"link udp:14550", "missing"}
+    assert told("settling") == {"missing"}  # no link is listened to any more
     assert told("stopped") == {"missing", "islands", "not mapped", "torn island 0"}
     assert "Not on the map: 2 of 9 frames" in read_status(tmp_path)
     assert "The map is in 2 parts" in screen.getvalue()
