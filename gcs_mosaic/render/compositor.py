@@ -22,7 +22,7 @@ import numpy as np
 from gcs_mosaic.render.blend_maps import BlendMaps
 from gcs_mosaic.render.blend_modes import MODES
 from gcs_mosaic.render.blending import mix, mix_pixels
-from gcs_mosaic.render.cells import around, grouped, in_blocks, window_around
+from gcs_mosaic.render.cells import around, grouped, in_blocks
 from gcs_mosaic.render.display import Display
 from gcs_mosaic.render.frame_cache import FrameCache
 from gcs_mosaic.render.frame_warp import FrameWarp
