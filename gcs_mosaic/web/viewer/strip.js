@@ -26,6 +26,7 @@ const WORST = ["error", "warning", "info"];
 export function showStrip({ mosaic, newestFrame, status, statusAt, hasEnded, isGone }, connection, lagSeconds, island, gaps = 0) {
   const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf({ status, statusAt, mosaic }, connection, lagSeconds, isGone);
   const conditions = state.kind === "bad" ? [] : status?.conditions ?? [];
+  document.title = [status?.flight ?? mosaic?.flight, "gcs-mosaic"].filter(Boolean).join(" · "); // of several tabs, which is which
   showState(withWorst(state, conditions));
   showParts(mosaic, island, gaps);
   showCounts(status, mosaic, island);
