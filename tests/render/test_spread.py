@@ -36,7 +36,8 @@ def test_an_error_of_a_work_is_met_at_its_result() -> None:
         raise ValueError("a broken work")
 
     with ThreadPoolExecutor(2) as pool:
-        results = ahead(pool, [partial(int, 1), broken, partial(int, 3)])
+        works: list[Callable[[], int]] = [partial(int, 1), broken, partial(int, 3)]
+        results = ahead(pool, works)
         assert next(results) == 1
         with pytest.raises(ValueError, match="a broken work"):
             next(results)
