@@ -62,6 +62,7 @@ def resect(graph: ViewGraph, frame: int, rough: Pose, island: int, settings: Adj
     keys = [(frame, other) if (frame, other) in graph.links else (other, frame) for other in linked]
     poses = [rough, *(graph.pose_of(other) for other in linked)]
     free = np.arange(len(poses)) == 0
+    settings = _as_uneven(settings, graph.unevenness.get(island, 0.0))
     problem, cameras = _problem(graph, island, [frame, *linked], poses, keys, free, settings)
     problem = replace(problem, lens_free=False)
     solution = adjust(problem, settings)
@@ -69,6 +70,11 @@ def resect(graph: ViewGraph, frame: int, rough: Pose, island: int, settings: Adj
     factors = variance_factor(solution.residuals_px, settings.loss_px, POSE), max(1.0, residual) ** 2
     deviations = (resected_deviation(problem, solution, cameras, factor) for factor in factors)
     return Resected(Pose(*solution.poses[0]), residual, *deviations)
+
+
+def _as_uneven(settings: AdjustmentSettings, unevenness: float) -> AdjustmentSettings:
+    """The settings for ground of at least this unevenness: over mountains what heights shift is no error of a true frame."""
+    return replace(settings, relief=replace(settings.relief, sigma=max(settings.relief.sigma, unevenness)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +102,7 @@ class AdjustedIsland:
     residuals: Vector  # (n,) median over a frame's matches
     deviations_px: Vector  # (n,) of the least certain corner, full-resolution pixels
     reliefs: list[ReliefDisplacement | None]
+    unevenness: float | None  # as in `Grounded`
 
 
 def island_task(graph: ViewGraph, island: int, settings: AdjustmentSettings) -> IslandTask | None:
@@ -128,12 +135,13 @@ def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
         residuals=_residuals_by_frame(task.problem, solution.residuals_px),
         deviations_px=certainty.deviations_px,
         reliefs=_reliefs(task, found, seen),
+        unevenness=found.unevenness,
     )
 
 
 def _over_points(task: IslandTask, solution: Solution, seen: Sightings | None, run: Run) -> Grounded:
     """The island adjusted over points with heights, or as it lies over the plane if its matches do not suffice."""
-    over_plane = Grounded(solution.poses, solution.lenses, solution.poses)
+    over_plane = Grounded(solution.poses, solution.lenses, solution.poses, None)
     if seen is None:
         return over_plane
     problem = replace(task.problem, poses=solution.poses, lenses=solution.lenses)
@@ -190,6 +198,8 @@ def take_in(graph: ViewGraph, task: IslandTask, found: AdjustedIsland) -> bool:
     _tell_refused(graph, task.island, lenses)
     aligned = _aligned_to_drawn(graph, members, poses, cameras)
     graph.put_all(members, aligned, task.island, lenses)
+    if found.unevenness is not None:
+        graph.unevenness[task.island] = found.unevenness
     _carry_along(graph, before, task)
     for frame, residual, relief in zip(members, found.residuals.tolist(), found.reliefs, strict=True):
         graph.note(frame, residual_px=residual * graph.frames[frame].features.scale, relief=relief)

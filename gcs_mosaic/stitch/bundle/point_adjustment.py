@@ -55,6 +55,9 @@ class Grounded:
     poses: PosesNx6  # (n, 6) where the cameras were
     lenses: LensesNx5  # (c, 5)
     drawn: PosesNx6  # (n, 6) poses over the plane that show the ground where it is, seen from above
+    unevenness: (
+        float | None
+    )  # deviation of heights at which they are likeliest, flying heights; None: points do not tell
 
 
 def grounded(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings, run: Run = map) -> Grounded | None:
@@ -80,7 +83,7 @@ def grounded(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings
     drawn = drawn_poses(found.problem, seen, found.points)
     if found.stopped or not np.isfinite(drawn).all() or _lost(equations, found):
         return None
-    return Grounded(found.problem.poses, found.problem.lenses, drawn)
+    return Grounded(found.problem.poses, found.problem.lenses, drawn, found.prior.sigma)
 
 
 def _hold_together(seen: SightedPoints, frames: int) -> bool:

@@ -43,6 +43,7 @@ def unite(graph: ViewGraph, other: ViewGraph, renamed: Renamed) -> int:
     graph.boxes = np.concatenate([graph.boxes, other.boxes])
     graph.roots |= {island + islands: frame + first for island, frame in other.roots.items()}
     graph.lenses |= {(island + islands, cameras[camera]): lens for (island, camera), lens in other.lenses.items()}
+    graph.unevenness |= {island + islands: uneven for island, uneven in other.unevenness.items()}
     _add_comparisons(graph, other, first)
     _add_knowledge(graph, other, first)
     return islands

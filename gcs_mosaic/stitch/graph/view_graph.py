@@ -120,7 +120,8 @@ class ViewGraph(Kept):
     `islands` (n,): each frame's island, NOWHERE if not placed. `cameras` (n,): each frame's camera. `boxes` (n, 4): bounding
     box of each placed frame's footprint, else NaN. They are arrays so that queries over all frames are cheap. `roots`: founding
     frame by island. `merged_into`: by island, the island it was merged into, or None. `lenses`: by island and camera, because
-    an island knows a lens only from its own frames. `shelve`: where the large arrays of frames' features go.
+    an island knows a lens only from its own frames. `unevenness`: by island, the standard deviation of its heights in flying
+    heights, once known. `shelve`: where the large arrays of frames' features go.
     """
 
     def __init__(self, first_focal: float, matches_per_link: int, shelve: Shelve | None = None) -> None:
@@ -135,6 +136,7 @@ class ViewGraph(Kept):
         self.boxes: BoxesNx4 = np.empty((0, 4))
         self.roots: dict[int, int] = {}
         self.merged_into: list[int | None] = []
+        self.unevenness: dict[int, float] = {}
         self.bridges: list[Bridge] = []
         # Pairs of frames compared when idle, smaller number first, with the poses at which they could not be connected despite
         # much in common; None if they have little.
@@ -231,6 +233,9 @@ class ViewGraph(Kept):
         """Merge an island into another one, where all its frames must have been put."""
         self.merged_into[goes] = stays
         self.lenses = {key: lens for key, lens in self.lenses.items() if key[0] != goes}
+        known = [self.unevenness.pop(island) for island in (goes, stays) if island in self.unevenness]
+        if known:  # until both are adjusted together
+            self.unevenness[stays] = max(known)
         islands = (self.islands[b.frame_a] == self.islands[b.frame_b] for b in self.bridges)
         self.bridges = [bridge for bridge, same in zip(self.bridges, islands, strict=True) if not same]
 
