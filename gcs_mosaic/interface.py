@@ -139,7 +139,7 @@ class Flight(FlightReader):
         frame = self._frame(picture, name)
         kept = self._driver.accept(frame)
         if kept is None:
-            self._event_log.copy(frame, of=self._pipeline.store.shown_by(frame))
+            self._event_log.copy(frame, frame.received, of=self._pipeline.store.shown_by(frame))
         else:
             self._event_log.frame(frame, frame.received, fresh=True)
         self._event_log.save()

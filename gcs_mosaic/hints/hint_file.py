@@ -18,6 +18,7 @@ from gcs_mosaic.errors import UsageError
 from gcs_mosaic.hints.other_looks import UNJUDGED, Verdict
 from gcs_mosaic.hints.rarity import SIDES, STEPS, FlightRarity
 from gcs_mosaic.store.folder import HINTS_NAME, LEDGER_NAME
+from gcs_mosaic.store.ledger_file import flight_at
 from gcs_mosaic.store.schema import FileSchema, connect, connect_for_reading
 
 logger = logging.getLogger(__name__)
@@ -217,8 +218,6 @@ def read_hints(root: Path) -> HintsRead:
 
 
 def _flight_in(root: Path) -> str:
-    from gcs_mosaic.store.guard import flight_at  # it loads what paints, which a page that nobody asks does without
-
     return repr(flight_at(root / LEDGER_NAME))
 
 

@@ -12,18 +12,16 @@ from __future__ import annotations
 
 import logging
 import os
-import sqlite3
 import time
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import CannotWrite, identity_of
 from gcs_mosaic.store.folder import LEDGER_NAME, OUR_NAMES
 from gcs_mosaic.store.ledger import Ledger
+from gcs_mosaic.store.ledger_file import flight_at
 from gcs_mosaic.store.lock import FolderLock
-from gcs_mosaic.store.schema import connect_for_reading
 
 logger = logging.getLogger(__name__)
 
@@ -117,19 +115,6 @@ class FolderGuard:
         """Whether another disk is mounted where that of the folder was."""
         above = disks_above(self._out)
         return bool(above) and above[0] not in self._disks
-
-
-def flight_at(path: Path) -> tuple[str, float] | None:
-    """Name and start of the flight in a ledger; None if there is none. Its main file decides; the log beside it may be left
-    from another ledger, and counts only if the main file is still without a flight."""
-    for without_log in (True, False):
-        with (
-            suppress(UsageError, sqlite3.DatabaseError),
-            closing(connect_for_reading(path, without_log=without_log)) as found,
-        ):
-            for row in found.execute("SELECT name, started_utc FROM flight"):
-                return str(row["name"]), float(row["started_utc"])
-    return None
 
 
 def disks_above(out: Path) -> list[int]:

@@ -212,3 +212,16 @@ def _companions(path: Path) -> Iterable[Path]:
 def _remove(*paths: Path) -> None:
     for path in paths:
         inside.remove(path, path.parent)
+
+
+def flight_at(path: Path) -> tuple[str, float] | None:
+    """Name and start of the flight in a ledger; None if there is none. Its main file decides; the log beside it may be left
+    from another ledger, and counts only if the main file is still without a flight."""
+    for without_log in (True, False):
+        with (
+            suppress(UsageError, sqlite3.DatabaseError),
+            closing(connect_for_reading(path, without_log=without_log)) as found,
+        ):
+            for row in found.execute("SELECT name, started_utc FROM flight"):
+                return str(row["name"]), float(row["started_utc"])
+    return None

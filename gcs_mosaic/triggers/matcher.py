@@ -100,16 +100,17 @@ class Pairing:
             return [Orphan(held.frame)]
         return [Matched(held.event.id, held.event.event, held.frame, held.event.how or How.TIME)]
 
-    def also_called(self, name: str, file: str) -> list[Outcome]:
+    def also_called(self, name: str, file: str) -> list[Outcome] | None:
         """The picture of the frame `name` came once more, in a file of the base name `file`, as where a program copies or renames
-        what it has received: an event that names that file is about this frame."""
+        what it has received: an event that names that file is about this frame. None if that has an event that names it under
+        another name."""
         held = next(self._frames.under(("frame", name)), None)
         if held is None or file in held.called or len(held.copies) >= _MOST_COPIES:
             return []
+        if held.event is not None and held.event.how in (How.NAME, How.ASKED):
+            return None
         held.copies.append(file)
         self._frames.put(held, keys_of(file))
-        if held.event is not None and held.event.how in (How.NAME, How.ASKED):
-            return []
         event = self._search.naming(held)
         return [] if event is None else list(self._match(event, held, How.NAME))
 

@@ -17,8 +17,8 @@ from aiohttp import web
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.documents import Limits
 from gcs_mosaic.store.folder import LEDGER_NAME
-from gcs_mosaic.store.guard import flight_at
 from gcs_mosaic.store.journal import JOURNAL_NAME, told_after
+from gcs_mosaic.store.ledger_file import flight_at
 from gcs_mosaic.store.reading import LARGEST_DOCUMENT
 from gcs_mosaic.store.told_documents import JournalHead, MosaicDocument, PlacementsDocument, StatusDocument
 from gcs_mosaic.web.access import is_local
@@ -71,9 +71,9 @@ def _which_flight(ledger: Path) -> str:
     """What tells flights of one name apart for an open page, as those of two days in `mosaic` are; empty if that is not known."""
     try:
         found = ledger.stat()
-        return _told_flight(ledger, found.st_dev, found.st_ino)
-    except OSError:
+    except FileNotFoundError:
         return ""
+    return _told_flight(ledger, found.st_dev, found.st_ino)
 
 
 @lru_cache(maxsize=8)

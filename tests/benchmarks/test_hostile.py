@@ -45,8 +45,10 @@ def assert_harmless(event: TriggerEvent) -> None:
     times = [time for time in (event.source_time, event.utc) if time is not None]
     assert all(math.isfinite(time) for time in times)
     assert event.utc is None or 2014 <= 1970 + event.utc / 31556952 <= 2100
-    name = event.file_hint
-    assert name is None or (0 < len(name) <= LONGEST_NAME and not set(name) & set("/\\\x00\n\x1b") and name.strip("."))
+    assert event.file_hint is None or len(event.file_hint) <= LONGEST_NAME
+    names = [] if event.file_hint is None else event.file_hint.split("/")
+    assert len(names) <= 2, "a file, after its folder"
+    assert all(name.strip(".") and not set(name) & set("\\\x00\n\x1b") for name in names)
     if event.position is not None:
         place = event.position
         assert abs(place.latitude_deg) <= 90

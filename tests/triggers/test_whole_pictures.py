@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gcs_mosaic.triggers import Matched, Orphan, Unmatched
+from tests.sure import sure
 from tests.triggers.test_matcher import Flight, file, shot
 
 
@@ -39,11 +40,11 @@ def test_what_was_no_frame_of_its_own_gives_its_event_back() -> None:
 def test_an_event_that_names_a_copy_is_about_the_frame_that_came_first() -> None:
     """Before the copy and after it, whatever the times had said."""
     flight = Flight().fly((1, shot(0.0, hint="a.jpg")), file(1.0, "upload-1.jpg"), file(3.0, "upload-2.jpg"))
-    flight.outcomes += flight.pairing.also_called("upload-1.jpg", "a.jpg")
-    flight.outcomes += flight.pairing.also_called("upload-2.jpg", "b.jpg")
+    flight.outcomes += sure(flight.pairing.also_called("upload-1.jpg", "a.jpg"))
+    flight.outcomes += sure(flight.pairing.also_called("upload-2.jpg", "b.jpg"))
     flight.fly((2, shot(4.0, hint="b.jpg")), (3, shot(30.0)), file(31.0, "upload-3.jpg"), (4, shot(31.5, hint="c.jpg")))
     assert flight.pairs() == {1: "upload-1.jpg", 2: "upload-2.jpg", 3: "upload-3.jpg"}
-    flight.outcomes += flight.pairing.also_called("upload-3.jpg", "c.jpg")
+    flight.outcomes += sure(flight.pairing.also_called("upload-3.jpg", "c.jpg"))
     assert flight.pairs() == {1: "upload-1.jpg", 2: "upload-2.jpg", 4: "upload-3.jpg"}
     assert flight.pairing.accounts().orphans == 0
 

@@ -216,7 +216,7 @@ class _Replay:
         found = replace(file.frame, received=now)
         frame = self._driver.accept(found)
         if frame is None:
-            self._event_log.copy(found, of=self._pipeline.store.shown_by(found))
+            self._event_log.copy(found, now, of=self._pipeline.store.shown_by(found))
             return
         self._event_log.frame(found, now, fresh=fresh)
         self._done.append(self._driver.process(replace(file, frame=frame)))

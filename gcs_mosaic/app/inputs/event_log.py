@@ -72,7 +72,9 @@ class EventLog:
                 self._heard(shots.hear(record.event), record.id, now)
             elif record.state is FrameState.DUPLICATE and not record.had_event:
                 stale -= 1
-                self.copy(frame_of(record, out), first.get(record.content_hash or ""))
+                copy = frame_of(record, out)
+                now = copy.received
+                self.copy(copy, now, first.get(record.content_hash or ""))
             else:
                 frame, stale = frame_of(record, out), stale - 1
                 first.setdefault(frame.content_hash, frame.name)
@@ -118,12 +120,17 @@ class EventLog:
         self._outcomes += pairing.frame(frame, now, fresh=fresh, asked_by=asked_by)
         self._trust.sources = self._credible()
 
-    def copy(self, frame: Frame, of: str | None) -> None:
-        """This one is none of its own, but the picture of the frame `of` in another file: an event may name either. None: which
-        frame that is is not known."""
-        if of is not None:
-            file = Path(file_and_version(frame.name)[0]).name
-            self._outcomes += self._pairing_of(frame.vehicle).also_called(of, file)
+    def copy(self, frame: Frame, now: float, of: str | None) -> None:
+        """This one is none of its own, but the picture of the frame `of` in another file: an event may name either, and where one
+        names the frame, another may still be about this file. None: which frame that is is not known."""
+        if of is None:
+            return
+        file = Path(file_and_version(frame.name)[0]).name
+        outcomes = self._pairing_of(frame.vehicle).also_called(of, file)
+        if outcomes is None:
+            self.frame(frame, now, fresh=False)  # its time says nothing of when the picture was taken
+        else:
+            self._outcomes += outcomes
 
     def withdraw(self, frame: Frame) -> None:
         """This one, told before, was no frame of its own: another one's file was written again."""

@@ -318,7 +318,7 @@ class _Daemon:
         frame = self._driver.accept(found)
         self._last_frame = time.monotonic()
         if frame is None:
-            self._event_log.copy(found, of=self._pipeline.store.shown_by(found))
+            self._event_log.copy(found, time.monotonic(), of=self._pipeline.store.shown_by(found))
             return
         fresh = found.vehicle in self._looked or came_meanwhile
         self._event_log.frame(found, time.monotonic(), fresh=fresh)

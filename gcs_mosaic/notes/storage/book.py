@@ -14,7 +14,7 @@ from gcs_mosaic.notes.storage.schema import NOTES
 from gcs_mosaic.store import inside
 from gcs_mosaic.store.disk import CannotWrite, identity_of
 from gcs_mosaic.store.folder import LEDGER_NAME, NOTES_NAME
-from gcs_mosaic.store.ledger_file import LedgerFile
+from gcs_mosaic.store.ledger_file import LedgerFile, flight_at
 from gcs_mosaic.store.schema import FileSchema, connect_for_reading
 
 logger = logging.getLogger(__name__)
@@ -175,8 +175,6 @@ class NotesBook:
 
 def flight_in(root: Path) -> tuple[str, float] | None:
     """Name and start of the flight in a folder; None if there is none."""
-    from gcs_mosaic.store.guard import flight_at  # it loads what paints, which a page that nobody asks does without
-
     return flight_at(root / LEDGER_NAME)
 
 

@@ -55,9 +55,7 @@ class Grounded:
     poses: PosesNx6  # (n, 6) where the cameras were
     lenses: LensesNx5  # (c, 5)
     drawn: PosesNx6  # (n, 6) poses over the plane that show the ground where it is, seen from above
-    unevenness: (
-        float | None
-    )  # deviation of heights at which they are likeliest, flying heights; None: points do not tell
+    unevenness: float | None  # deviation of heights at which they are likeliest, in flying heights; None: not known
 
 
 def grounded(problem: Problem, seen: SightedPoints, settings: AdjustmentSettings, run: Run = map) -> Grounded | None:

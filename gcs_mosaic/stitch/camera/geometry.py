@@ -108,7 +108,7 @@ def rotation_matrix(yaw: float, pitch: float, roll: float) -> Matrix3x3:
 
 def canvas_from_pixels(pose: Pose, camera: Camera, pixels: PointsNx2) -> PointsNx2:
     """Canvas places (n, 2) of frame pixels (n, 2); NaN where no ground is seen."""
-    flat = _undistorted(camera, normalised(camera, pixels).T)
+    flat = undistort(camera, normalised(camera, pixels).T)
     rays = pose.rotation() @ np.vstack([flat, np.ones(len(pixels))])
     height = math.exp(pose.log_gsd) * camera.focal_px
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -125,7 +125,7 @@ def pixels_from_canvas(pose: Pose, camera: Camera, places: PointsNx2) -> PointsN
     with np.errstate(divide="ignore", invalid="ignore"):
         undistorted = rays[:2] / rays[2]
         undistorted[:, rays[2] <= 0] = np.nan
-    pixels = _distorted(camera, undistorted) * camera.focal_px + camera.principal_point[:, None]
+    pixels = distort(camera, undistorted) * camera.focal_px + camera.principal_point[:, None]
     return np.ascontiguousarray(pixels.T)
 
 
@@ -156,27 +156,19 @@ def _reach_of(k1: float, k2: float) -> float:
     return float(lens_reach(np.array([k1]), np.array([k2]))[0])
 
 
-def distort(camera: Camera, undistorted: PointsNx2) -> PointsNx2:
-    """Apply lens distortion to (n, 2); NaN beyond the radius where it would fold the image back."""
-    return np.ascontiguousarray(_distorted(camera, undistorted.T).T)
-
-
-def undistort(camera: Camera, distorted: PointsNx2) -> PointsNx2:
-    """Inverse of `distort` (Newton's method on the radius); NaN for radii that no ray reaches."""
-    return np.ascontiguousarray(_undistorted(camera, distorted.T).T)
-
-
 # On (2, n): numpy takes several times as long along an axis of two.
 
 
-def _distorted(camera: Camera, undistorted: Rows2xN) -> Rows2xN:
+def distort(camera: Camera, undistorted: Rows2xN) -> Rows2xN:
+    """Apply lens distortion to (2, n); NaN beyond the radius where it would fold the image back."""
     r2 = (undistorted**2).sum(axis=0)
     with np.errstate(over="ignore", invalid="ignore"):  # rays almost perpendicular to the axis
         distorted = undistorted * (1 + r2 * (camera.k1 + r2 * camera.k2))
     return np.asarray(np.where(r2 < camera.reach**2, distorted, np.nan))
 
 
-def _undistorted(camera: Camera, distorted: Rows2xN) -> Rows2xN:
+def undistort(camera: Camera, distorted: Rows2xN) -> Rows2xN:
+    """Inverse of `distort` (Newton's method on the radius); NaN for radii that no ray reaches."""
     if camera.is_pinhole:
         return distorted
     r_distorted = np.sqrt((distorted**2).sum(axis=0))

@@ -99,7 +99,7 @@ def fly(flight: list[Any], ledger: Any, record_frame: Any, settle_frame: Any) ->
             if what == "frame":
                 event_log.frame(came[-1], now, fresh=True)
             else:
-                event_log.copy(came[-1], of=came[which % len(came)].name)
+                event_log.copy(came[-1], now, of=came[which % len(came)].name)
         elif what == "tick":
             event_log.tick(now)
         elif what == "save":
@@ -231,7 +231,7 @@ def test_a_copy_tells_the_frame_by_another_name_after_a_restart_too(tmp_path: Pa
         log.frame(first, 1000.0, fresh=True)
         ledger.record_frame(again)
         ledger.settle_frame("a.jpg", FrameState.DUPLICATE, "the same picture as upload.jpg")
-        log.copy(again, of="upload.jpg")
+        log.copy(again, again.received, of="upload.jpg")
         assert ledger.accounts().orphans == 1
         log = EventLog(ledger, PairingSettings())
         log.resume(told_again([], ledger.frames(), []), Shots(ShotSettings()), 0.0, tmp_path)
