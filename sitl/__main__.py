@@ -26,7 +26,7 @@ from .path import Plan
 from .program import Program, ProgramError
 from .score import score
 from .sensor import Sensor
-from .session import DONE, FAILED, fly_against, fly_alone, fly_several_against, say
+from .session import DONE, ENDING, FAILED, fly_against, fly_alone, fly_several_against, say
 from .stream.camera import StreamingCamera
 from .targets import Crowd
 from .truth import Truth, read, write
@@ -40,6 +40,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m sitl"
     try:
         return judge(words[1:]) if words[:1] == ["score"] else flown(parser(program).parse_args(words))
     except KeyboardInterrupt:
+        ENDING.clear()
         say("stopped")
         return DONE
     except ProgramError as trouble:
@@ -51,6 +52,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "python -m sitl"
 
 
 def interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    ENDING.set()
     raise KeyboardInterrupt
 
 
@@ -184,5 +186,6 @@ def free_port() -> int:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGTERM, interrupt)
+    for end in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(end, interrupt)
     sys.exit(main())

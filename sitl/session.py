@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import threading
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -23,6 +24,7 @@ DONE, FAILED = 0, 1  # exit codes
 SAY_EVERY = 5  # pictures
 DELAY, WRITING = 0.4, 0.3  # seconds from a trigger to its file's first byte, and from there to the last
 USUAL_PORT = 14550
+ENDING = threading.Event()  # the end was asked for: libraries with a bare `except` around imports lose the exception
 
 
 def fly_alone(asked: argparse.Namespace, film: Film, camera: StreamingCamera | None = None) -> int:
@@ -104,7 +106,14 @@ def wait_for_all(program: Program, count: int, vehicle: Vehicle) -> None:
     def progress(account: dict[str, int]) -> None:
         say(f"processed {processed(account)}/{count}: {told(account)}")
 
-    program.wait_for(count, progress, meanwhile=lambda: vehicle.tick(None))
+    program.wait_for(count, progress, meanwhile=lambda: go_on(vehicle))
+
+
+def go_on(vehicle: Vehicle) -> None:
+    """Telemetry of a moment. Raises KeyboardInterrupt if the end was asked for while somebody else's code caught that."""
+    if ENDING.is_set():
+        raise KeyboardInterrupt
+    vehicle.tick(None)
 
 
 def stay(asked: argparse.Namespace, program: Program, vehicle: Vehicle) -> None:
@@ -114,9 +123,10 @@ def stay(asked: argparse.Namespace, program: Program, vehicle: Vehicle) -> None:
     say(f"the flight is over; the page stays at {page_of(program)} until Ctrl-C")
     try:
         while program.runs():
-            vehicle.tick(None)
+            go_on(vehicle)
             time.sleep(BREATH)
     except KeyboardInterrupt:
+        ENDING.clear()
         say("ending")
 
 

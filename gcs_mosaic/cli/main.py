@@ -246,7 +246,8 @@ def demo(given: argparse.Namespace) -> int:
     from importlib import import_module
 
     simulator = import_module(SIMULATOR)
-    signal.signal(signal.SIGTERM, simulator.interrupt)  # as Ctrl-C: else the program that it has started would stay
+    for end in (signal.SIGINT, signal.SIGTERM):  # the latter as Ctrl-C: else the program that it has started would stay
+        signal.signal(end, simulator.interrupt)
     return int(simulator.main(given.words, program="gcs-mosaic demo"))
 
 

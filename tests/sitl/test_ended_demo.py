@@ -5,12 +5,17 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+from unittest.mock import Mock
 
 import psutil
 import pytest
 
+from sitl.__main__ import interrupt
 from sitl.flight import Flight
+from sitl.session import ENDING, go_on
+from sitl.vehicle import Vehicle
 from tests.running import until
 
 
@@ -31,3 +36,18 @@ def test_a_service_manager_that_ends_the_demo_leaves_nothing(flight: Flight, tmp
     for one in left:
         one.kill()
     assert not left
+
+
+def test_an_end_that_the_code_of_others_has_caught_is_not_forgotten() -> None:
+    """As a bare `except` around an import does: the demo stayed until it was killed."""
+    told: list[None] = []
+    vehicle = Mock(Vehicle, tick=told.append)
+    go_on(vehicle)
+    with suppress(KeyboardInterrupt):
+        interrupt(signal.SIGTERM, None)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            go_on(vehicle)
+    finally:
+        ENDING.clear()
+    assert told == [None]
