@@ -246,9 +246,13 @@ def demo(given: argparse.Namespace) -> int:
     from importlib import import_module
 
     simulator = import_module(SIMULATOR)
-    for end in (signal.SIGINT, signal.SIGTERM):  # the latter as Ctrl-C: else the program that it has started would stay
-        signal.signal(end, simulator.interrupt)
-    return int(simulator.main(given.words, program="gcs-mosaic demo"))
+    # SIGTERM as Ctrl-C: else the program that it has started would stay.
+    before = {end: signal.signal(end, simulator.interrupt) for end in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        return int(simulator.main(given.words, program="gcs-mosaic demo"))
+    finally:
+        for end, handler in before.items():
+            signal.signal(end, handler)
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int | None]] = {
