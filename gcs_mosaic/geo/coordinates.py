@@ -31,9 +31,8 @@ _ANGLE = re.compile(
 )
 # What is told beside a coordinate on the page, in a message of a find and by other programs.
 _WITHIN = re.compile(r"\s*(?:±|\+/-|\(WITHIN)\s*(\d{1,5}(?:[.,]\d+)?) ?M\b.*", re.ASCII)
-_GEO = re.compile(
-    r"GEO: ?([^,;?]+,[^,;?]+)(?:,[^;?]*)?(?:[;?].*)?", re.ASCII
-)  # RFC 5870: a height and parameters may follow
+# RFC 5870: a height and parameters may follow.
+_GEO = re.compile(r"GEO: ?([^,;?]+,[^,;?]+)(?:,[^;?]*)?(?:[;?].*)?", re.ASCII)
 _UNCERTAINTY = re.compile(r";U=(\d{1,5}(?:\.\d+)?)\b", re.ASCII)
 _ENCLOSED = re.compile(r"\((.+)\)|\[(.+)\]", re.ASCII)
 _SIGMAS = 2.448  # within which 95 % lie, in a plane

@@ -447,6 +447,8 @@ class TileCompositor(Kept):
         """Abandon tiles: they stay as displayed."""
         self._give_up(keys)
         rest = {key: frames for key, frames in fold.tiles.items() if key not in keys}
+        if not rest:
+            self._territory.drop_fresh()
         return replace(fold, tiles=rest) if rest else None
 
     def _give_up(self, keys: Iterable[TileKey]) -> None:

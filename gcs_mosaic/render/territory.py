@@ -53,7 +53,8 @@ Settled = tuple[dict[TileKey, Owned | None], set[TileKey]]  # owners that are ne
 
 @dataclass(slots=True, eq=False)
 class _Fresh:
-    """Cells of a window that are being decided again, in place: of what was undone after it `laid` frames nothing is known."""
+    """Cells of a window that are being decided again, in place, so no snapshot restores them: `laid`, the number of frames laid
+    over them, tells whether they are those of the present state."""
 
     window: Window
     cells: Cells

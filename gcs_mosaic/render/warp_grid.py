@@ -43,8 +43,10 @@ LATTICE = TILE_SIZE // LATTICE_STEP + 1  # lattice points along a tile's side; n
 USEFUL_RATIO = 4.0  # maximum ground sampling distance relative to the frame's best (oblique frames)
 RIM = 1.5  # lattice steps inside a frame's border where its weight reaches 0, so that interpolated weights have no step
 OBLIQUE_SHARE = 0.8  # a frame's level resolves this much of its root mean square ground sampling distance, and no finer
-CONVERGED_PX = 0.03  # a last step of the same, after which a hundredth is left at most: less than interpolation errs by
 ROUGH_STEPS = 3  # of the iteration that finds the initial guess for relief
+# Length of a step of the exact iteration after which a point is done. A quarter of it is left at most, which is less than
+# interpolation between lattice points errs by.
+LATTICE_CONVERGED_PX = 0.03
 MOST_TILES_PER_PIXEL = 20 / TILE_SIZE**2  # far above what any plausible pose needs at its own level
 
 
@@ -167,7 +169,7 @@ def _lattice_pixels(pose: Pose, camera: Camera, relief: ReliefDisplacement | Non
     if relief is None:
         return planar.astype(np.float32)
     guess = planar + _rough_shifts(relief, camera, planar.astype(np.float32))
-    seen = as_seen(relief, camera, planar.reshape(-1, 2), guess.reshape(-1, 2), CONVERGED_PX)
+    seen = as_seen(relief, camera, planar.reshape(-1, 2), guess.reshape(-1, 2), LATTICE_CONVERGED_PX)
     return seen.reshape(planar.shape).astype(np.float32)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import logging
 import os
 from contextlib import suppress
 from dataclasses import dataclass
@@ -27,6 +28,8 @@ from gcs_mosaic.web.api.operations import JsonLines, Operations, Reply
 from gcs_mosaic.web.choosing import ROOT
 from gcs_mosaic.web.hidden_paths import without_paths
 from gcs_mosaic.web.tile_answer import tagged
+
+logger = logging.getLogger(__name__)
 
 STATUS = "status.json"
 FLIGHT = "X-Flight"  # the same of two answers: they are of one flight
@@ -71,7 +74,8 @@ def _which_flight(ledger: Path) -> str:
     """What tells flights of one name apart for an open page, as those of two days in `mosaic` are; empty if that is not known."""
     try:
         found = ledger.stat()
-    except FileNotFoundError:
+    except OSError:  # gone or unreadable: the document itself was answered
+        logger.debug("%s does not tell which flight it is of", ledger, exc_info=True)
         return ""
     return _told_flight(ledger, found.st_dev, found.st_ino)
 

@@ -13,7 +13,7 @@ from gcs_mosaic.app.live.left_behind import LeftBehind, not_kept_words, unpainte
 from gcs_mosaic.check.findings import CheckedPart, Fault, Findings
 from gcs_mosaic.check.table import verdict
 from gcs_mosaic.store.disk import CannotWrite
-from gcs_mosaic.store.typed import typed
+from gcs_mosaic.store.typed import typed, typed_on_windows
 
 ODD = Path("card 1/Suche „Alm“ & Hof #2")
 LEFT = LeftBehind(frames=1, pictures_lost=0, triggers_lost=0)
@@ -27,7 +27,7 @@ SENTENCES = {
 }
 
 
-@pytest.mark.skipif(os.name == "nt", reason="of a shell of POSIX")
+@pytest.mark.skipif(os.name == "nt", reason="read as a shell of POSIX reads it")
 @pytest.mark.parametrize("sentence", SENTENCES.values(), ids=list(SENTENCES))
 def test_a_command_is_one_that_a_shell_takes(sentence: str) -> None:
     command = sentence[sentence.index("gcs-mosaic ") :]
@@ -36,3 +36,16 @@ def test_a_command_is_one_that_a_shell_takes(sentence: str) -> None:
 
 def test_a_plain_path_is_told_as_it_is() -> None:
     assert typed(Path("mosaic-2")) == "mosaic-2"
+
+
+@pytest.mark.parametrize(
+    ("path", "word"),
+    [
+        (r"D:\flights\mosaic-2", r"D:\flights\mosaic-2"),
+        (r"D:\card 1\Alm", r'"D:\card 1\Alm"'),
+        (r"D:\Alm&Hof", r'"D:\Alm&Hof"'),
+        (r"D:\Suche (2)", r'"D:\Suche (2)"'),
+    ],
+)
+def test_on_windows_it_is_in_double_quotes(path: str, word: str) -> None:
+    assert typed_on_windows(path) == word

@@ -23,9 +23,7 @@ class SoNow:
     said: bool = True  # on the terminal, as it begins; False: another notice says it
     held_s: float = 0.0
     stays: str = ""  # what is said instead once the flight has ended; empty if it is so no more then
-    hoped: bool = (
-        False  # of what may still be heard: of a flight that ends, which does not listen any more, it is not shown
-    )
+    hoped: bool = False  # about what may still be heard: not shown of a flight that ends, and listens no more
 
 
 def of_folders(sources: Sequence[SourceReport], *, announced: int) -> Iterator[SoNow]:

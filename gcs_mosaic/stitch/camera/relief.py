@@ -18,7 +18,7 @@ from gcs_mosaic.stitch.arrays import FloatImage, Mask, PointsNx2, ShiftGrid
 from gcs_mosaic.stitch.camera.geometry import Camera
 
 STEPS = 12  # of the fixed-point iteration that inverts the shifts
-CONVERGED_PX = 0.01
+CONVERGED_PX = 0.01  # length of a step of it after which a point is done
 EVENED = 200  # rounds of evening out what is steeper than
 EVEN_ENOUGH = 1.01  # of it: the rest is scaled down
 STEEPEST = 0.25  # maximum change of the shift per cell: no place is seen twice, and the inversion converges

@@ -84,15 +84,20 @@ def test_it_ends_before_the_first_frame(tmp_path: Path) -> None:
         assert_accounts_close(flight, frames=0)
 
 
+def end_with_sixty_frames(flight: Running, pictures: list[bytes]) -> None:
+    """Ask it to end once sixty frames have come, most of which it has still to work off."""
+    for k in range(60):
+        flight.bring(f"IMG_{k}.JPG", numbered(pictures[k % 6], k))
+    flight.wait_for(lambda status: sum(status["frames"].values()) == 60, "sixty frames came")
+    flight.process.send_signal(signal.SIGINT)
+    until(lambda: "ending: working off" in flight.said, "ending")
+
+
 @pytest.mark.long
 def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> None:
     """What is not processed is said to be so, and stays for another start; its original is kept."""
     with flying(tmp_path) as flight:
-        for k in range(60):
-            flight.bring(f"IMG_{k}.JPG", numbered(pictures[k % 6], k))
-        flight.wait_for(lambda status: sum(status["frames"].values()) == 60, "sixty frames came")
-        flight.process.send_signal(signal.SIGINT)
-        until(lambda: "ending: working off" in flight.said, "ending")
+        end_with_sixty_frames(flight, pictures)
         asked = time.monotonic()
         assert flight.end(signal.SIGINT) == 0
         assert time.monotonic() - asked < 6
@@ -108,11 +113,7 @@ def test_asked_twice_it_ends_quickly(tmp_path: Path, pictures: list[bytes]) -> N
 def test_while_it_works_off_what_has_come_it_says_that_it_ends(tmp_path: Path, pictures: list[bytes]) -> None:
     """And not that it flies, which who looks at the page would take for a flight that goes on."""
     with flying(tmp_path) as flight:
-        for k in range(60):
-            flight.bring(f"IMG_{k}.JPG", numbered(pictures[k % 6], k))
-        flight.wait_for(lambda status: sum(status["frames"].values()) == 60, "sixty frames came")
-        flight.process.send_signal(signal.SIGINT)
-        until(lambda: "ending: working off" in flight.said, "ending")
+        end_with_sixty_frames(flight, pictures)
         pending = flight.status()["frames"]["pending"]
         status = flight.wait_for(
             lambda status: 0 < status["frames"]["pending"] < pending - 1, "some have had their turn"
