@@ -184,6 +184,8 @@ class Pairing:
         if event.sequence is not None:
             stream = StreamKey(event.vehicle, event.component, event.camera, event.source)
             held.counts.append((stream, event.sequence))
+            if not self._search.is_doubtful(held):
+                self._search.learnt.counted(stream, event.sequence, held.moment)
             self._events.put(held, [(stream, event.sequence)])
         if event.file_hint:
             folder, base = folder_and_base(event.file_hint)

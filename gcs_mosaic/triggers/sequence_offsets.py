@@ -14,6 +14,7 @@ from gcs_mosaic.triggers.names import Field
 Ruler: TypeAlias = tuple[StreamKey, Field]
 """A counter, and one of the numbers in names of one kind, which may go with it."""
 _MOST_RULERS = 256  # the oldest are forgotten: names are anybody's
+ANEW = 0.5  # of the number before: a counter that falls below has begun anew, one of two shots in a wrong order has not
 
 
 @dataclass(slots=True)
@@ -34,6 +35,21 @@ class Learnt:
     def __init__(self) -> None:
         self.names_work = False  # whether a file name in an event has ever named a frame
         self._rulers: OrderedDict[Ruler, _Votes] = OrderedDict()
+        self._last: OrderedDict[StreamKey, tuple[float, int]] = OrderedDict()  # moment and number of its latest shot
+
+    def counted(self, stream: StreamKey, count: int, moment: float) -> None:
+        """A shot of `moment` has this number. What was learnt of a counter that has begun anew (a change of batteries, its end)
+        holds no longer: by it files would be of the shots beside their own. What is told late is of an earlier moment."""
+        before, last = self._last.get(stream, (moment, count))
+        if moment < before:
+            return
+        if count < last * ANEW:
+            for ruler in [ruler for ruler in self._rulers if ruler[0] == stream]:
+                del self._rulers[ruler]
+        self._last[stream] = moment, count
+        self._last.move_to_end(stream)
+        if len(self._last) > _MOST_RULERS:
+            self._last.popitem(last=False)
 
     def offset(self, stream: StreamKey) -> int | None:
         """File number minus event counter, None while unknown."""

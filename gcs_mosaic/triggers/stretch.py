@@ -14,6 +14,7 @@ from gcs_mosaic.triggers.doubts import NONE, Doubts
 from gcs_mosaic.triggers.index import PendingEvent, PendingFrame, State
 from gcs_mosaic.triggers.names import numbers_in
 from gcs_mosaic.triggers.outcomes import How
+from gcs_mosaic.triggers.sequence_offsets import ANEW
 
 if TYPE_CHECKING:
     from gcs_mosaic.triggers.alignment import Alignment
@@ -26,9 +27,6 @@ _FITS = (
     0.9  # share of shots or files that must be paired before an ambiguous explanation is taken for want of a better one
 )
 _LEAST = 4  # pairs; with fewer, three might be chance
-_ANEW = (
-    0.5  # of the number before: a counter that falls below has begun anew, one of two shots in a wrong order has not
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +121,7 @@ def _counts(shots: Iterable[PendingEvent]) -> Iterator[dict[Hashable, int]]:
         counts = dict[Hashable, int]()
         for stream, count in held.counts:
             times, last = begun.get(stream, (0, count))
-            times += count < last * _ANEW
+            times += count < last * ANEW
             begun[stream] = times, count
             counts[stream, times] = count
         for _, hint in held.hints:

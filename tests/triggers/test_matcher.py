@@ -147,6 +147,33 @@ def test_an_event_counter_that_begins_anew_is_followed() -> None:
     assert Flight().fly(*events, *files(20, "IMG_{:04}.JPG")).pairs() == {n: f"IMG_{n:04}.JPG" for n in range(20)}
 
 
+@pytest.mark.parametrize("first", [1, 30])
+def test_a_camera_that_begins_anew_with_other_numbers_gives_no_shot_the_file_before(first: int) -> None:
+    """A change of batteries: it counts from 0, and its files from 1, where both were alike before."""
+    before = [
+        item for n in range(20) for item in ((n, shot(2.0 * n, first + n)), file(2.0 * n + 1, f"A/{first + n:04}.JPG"))
+    ]
+    after = [
+        item for n in range(20) for item in ((20 + n, shot(99 + 2.0 * n, n)), file(100 + 2.0 * n, f"B/{n + 1:04}.JPG"))
+    ]
+    flight = Flight().fly(*before, *after)
+    assert not any(isinstance(outcome, Unmatched) for outcome in flight.outcomes)
+    assert [flight.pairs()[20 + n] for n in range(20)] == [f"B/{n + 1:04}.JPG" for n in range(20)]
+
+
+def test_a_shot_that_is_told_of_late_is_no_counter_that_begins_anew() -> None:
+    """Of the third was told on request, when the twentieth had been taken."""
+    items = [item for n in range(20) for item in ((n, shot(2.0 * n, n)), file(2.0 * n + 1, f"{n:04}.JPG"))]
+    flight = Flight()
+    flight.clocks = SourceClocks()
+    for item in items:
+        if isinstance(item, Frame) or item[0] != 3:
+            flight.fly(item)
+    flight.outcomes += flight.pairing.event(3, shot(39.5, 3), 6.0, 39.5)
+    flight.fly((20, shot(40.0, 20)), (21, shot(40.8, 21)), file(41.7, "0021.JPG"), file(41.9, "0020.JPG"))
+    assert flight.pairs() == {n: f"{n:04}.JPG" for n in range(22)}
+
+
 def test_a_frame_that_was_there_at_the_start_is_not_matched_by_its_time() -> None:
     pairing = Pairing()
     pairing.event(0, shot(10.0), 10.0, 10.0)
