@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -266,6 +267,7 @@ def test_exports_are_served(client: Writer) -> None:
         answer, body = client.ask(f"{API}/finds.{kind}")
         assert (answer.status, answer.headers.get_content_type()) == (200, media_type)
         assert b"=1" in body
+        assert body.startswith(BOM_UTF8) is (kind == "csv")
         if kind == "html":
             assert answer.headers["Content-Security-Policy"].startswith("default-src 'none'; img-src data:; style-src")
             assert b"<b>=1" not in body

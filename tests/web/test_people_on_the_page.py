@@ -316,6 +316,7 @@ def test_keys_do_what_the_sheet_says(page: Page, url: str) -> None:
     page.wait_for("document.getElementById('newest').getAttribute('aria-pressed') === 'true'")
 
 
+HIDDEN = "gcs-mosaic finds hidden"
 OPEN = """["help", "originals", "sheet", "hint", "finds-form", "side", "looking"].filter((id) => {
   const one = document.getElementById(id);
   return one.localName === "dialog" ? one.open : one.getClientRects().length > 0;
@@ -379,7 +380,12 @@ def test_many_finds_can_be_hidden_and_a_new_one_shows_them_again(page: Page, url
     page.wait_for("document.querySelectorAll('#finds-list li').length === 3")
     assert page.evaluate(markers) == 0
     someone.sees("finds-hidden", "3 finds hidden")
+    page.evaluate(f"localStorage.setItem('{HIDDEN}', JSON.stringify({{ flight: 'another', to: 3 }}))")
+    someone = Person(page, url)
+    page.wait_for(f"{markers} === 3")  # those of another flight have the same numbers
     someone.press("open-finds")
+    someone.press("finds-show")
+    page.wait_for(f"{markers} === 0")
     page.evaluate("document.querySelector('#finds-list [data-find]').click()")  # who goes to one sees it
     page.wait_for(f"{markers} === 1")
     someone.sees("finds-hidden", "2 finds hidden")
@@ -387,7 +393,7 @@ def test_many_finds_can_be_hidden_and_a_new_one_shows_them_again(page: Page, url
     page.wait_for(f"{markers} === 4")
     assert page.evaluate("document.getElementById('finds-hidden').hidden")
     assert page.evaluate("document.getElementById('finds-show').getAttribute('aria-pressed')") == "true"
-    assert page.evaluate("localStorage.getItem('gcs-mosaic finds hidden')") is None
+    assert page.evaluate(f"localStorage.getItem('{HIDDEN}')") is None
 
 
 @pytest.mark.long

@@ -9,7 +9,7 @@ from pathlib import Path
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.notes.anchors.anchoring import anchor_of
 from gcs_mosaic.notes.anchors.stored_anchors import anchors_of
-from gcs_mosaic.notes.finds.exports import anchor_words, as_csv, as_geojson, as_kml, in_number
+from gcs_mosaic.notes.finds.exports import CSV_ENCODING, anchor_words, as_csv, as_geojson, as_kml, in_number
 from gcs_mosaic.notes.finds.finds import Find, find_of, placed
 from gcs_mosaic.notes.finds.report import BeneathOf, as_report
 from gcs_mosaic.notes.ground.binding import GroundFollower
@@ -41,7 +41,7 @@ def export_finds(
         case _:
             text = (as_geojson if kind == "geojson" else as_kml)(shown, name)
     try:
-        write_beside(target, text.encode("utf-8"))
+        write_beside(target, text.encode(CSV_ENCODING if kind == "csv" else "utf-8"))
     except (OSError, DiskFull) as error:
         raise UsageError(f"{target} cannot be written ({error}); give another file.") from error
     said = "".join(f"\nwarning: {text} {HOW}" for text in anchor_words(shown))

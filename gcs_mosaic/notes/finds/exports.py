@@ -25,6 +25,7 @@ COLUMNS = (
 NO_XML = re.compile(
     r"[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 )  # one such letter spoils the whole file
+CSV_ENCODING = "utf-8-sig"  # Excel takes a file without the mark for one in the machine's own letters
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # a spreadsheet would compute what begins so
 
 
@@ -38,7 +39,8 @@ def as_geojson(finds: Sequence[PlacedFind], flight: str) -> str:
 
 
 def as_csv(finds: Sequence[PlacedFind]) -> str:
-    """A line for each find, UTF-8 with the columns of COLUMNS. Texts that a spreadsheet would take for formulas begin with '."""
+    """A line for each find, with the columns of COLUMNS, to be written in CSV_ENCODING. Texts that a spreadsheet would take for
+    formulas begin with '."""
     sheet = io.StringIO()
     writer = csv.writer(sheet, lineterminator="\r\n")
     writer.writerow(COLUMNS)

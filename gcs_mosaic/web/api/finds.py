@@ -11,7 +11,7 @@ from aiohttp import web
 
 from gcs_mosaic.notes.anchors.anchoring import anchor_of
 from gcs_mosaic.notes.anchors.pins import SetPin
-from gcs_mosaic.notes.finds.exports import as_csv, as_geojson, as_kml
+from gcs_mosaic.notes.finds.exports import CSV_ENCODING, as_csv, as_geojson, as_kml
 from gcs_mosaic.notes.finds.finds import Find, NewFind, Outdated, PlacedFind, placed
 from gcs_mosaic.notes.ground.places import GeoPlace, PlaceAnswer, place_answer
 from gcs_mosaic.notes.storage.checked import (
@@ -228,7 +228,8 @@ async def exported(request: web.Request) -> web.StreamResponse:
         from gcs_mosaic.notes.finds.report import POLICY as REPORT_POLICY
 
         headers[POLICY] = f"{REPORT_POLICY}; frame-ancestors 'none'"
-    return web.Response(text=text, content_type=types.get(kind, "text/html"), charset="utf-8", headers=headers)
+    body = text.encode(CSV_ENCODING if kind == "csv" else "utf-8")
+    return web.Response(body=body, content_type=types.get(kind, "text/html"), charset="utf-8", headers=headers)
 
 
 def _placed(notes: Notes, finds: Sequence[Find], pins: Sequence[SetPin], by_positions: bool) -> list[PlacedFind]:

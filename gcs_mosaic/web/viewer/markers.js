@@ -1,8 +1,9 @@
 // @ts-check
-// Markers of finds on the map. Many of them hide the ground, so they can be hidden: kept on this device, told over the map, and only
-// until there is a find that was not there then.
+// Markers of finds on the map. Many of them hide the ground, so they can be hidden: kept on this device for this flight, told over
+// the map, and only until there is a find that was not there then.
 
 import { byId, element } from "/viewer/dom.js";
+import { servedFlight } from "/viewer/server.js";
 import { t } from "/viewer/words.js";
 
 const KEY = "gcs-mosaic finds hidden";
@@ -15,7 +16,8 @@ export class Markers {
     this.open = open;
     /** @type {Api.Find[]} */
     this.finds = [];
-    this.hiddenTo = kept(); // the id of the newest find that is hidden, or null
+    this.flight = null; // that they are of
+    this.hiddenTo = null; // the id of the newest find that is hidden, or null
     this.shownAlone = null; // the id of the one that somebody went to meanwhile
     this.pins = L.layerGroup().addTo(map.map);
     this.button = byId("finds-show");
@@ -26,6 +28,10 @@ export class Markers {
   /** @param {Api.Find[]} finds all that there are now */
   show(finds) {
     this.finds = finds;
+    if (this.flight !== servedFlight()) {
+      this.flight = servedFlight();
+      this.hiddenTo = keptOf(this.flight);
+    }
     const newest = newestOf(finds);
     if (this.hiddenTo !== null && this.hiddenTo !== newest) this.hide(newest > this.hiddenTo ? null : newest);
     else this.draw();
@@ -35,7 +41,7 @@ export class Markers {
   hide(hiddenTo) {
     this.hiddenTo = hiddenTo;
     this.shownAlone = null;
-    keep(hiddenTo);
+    keep(this.flight, hiddenTo);
     this.draw();
   }
 
@@ -77,20 +83,20 @@ function newestOf(finds) {
   return Math.max(0, ...finds.map(({ id }) => id));
 }
 
-/** What was kept on this device, if it is the id of a find. */
-function kept() {
+/** What was kept on this device of a flight, if it is the id of a find: another's finds have the same ids. */
+function keptOf(flight) {
   try {
-    const found = localStorage.getItem(KEY);
-    return /^\d{1,9}$/.test(found ?? "") ? Number(found) : null;
+    const found = JSON.parse(localStorage.getItem(KEY));
+    return found?.flight === flight && Number.isSafeInteger(found.to) ? found.to : null;
   } catch {
-    return null; // a browser that keeps nothing
+    return null; // a browser that keeps nothing, or somebody else's words
   }
 }
 
-function keep(hiddenTo) {
+function keep(flight, hiddenTo) {
   try {
     if (hiddenTo === null) localStorage.removeItem(KEY);
-    else localStorage.setItem(KEY, String(hiddenTo));
+    else localStorage.setItem(KEY, JSON.stringify({ flight, to: hiddenTo }));
   } catch {
     // it holds until the page is closed
   }
