@@ -21,6 +21,7 @@ from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.shot_names import Guess, ShotFile, is_band, shot_file, without_guess
 from gcs_mosaic.frames.shot_register import ShotRegister, Size
 from gcs_mosaic.frames.small_copies import SizedFile, SmallCopies
+from gcs_mosaic.frames.unlike_files import UnlikeFiles
 from gcs_mosaic.messages import CameraCount, Frame, OtherFile
 
 HOLD_S = 2.0  # the first files of a camera, until those of others of the same shot are there
@@ -54,6 +55,7 @@ class Cameras:
         self._patterns = tuple(patterns)
         self._register, self._by_pattern = ShotRegister(), Counter[bool]()
         self._alternation, self._copies, self._copied = Alternation(), SmallCopies(), 0
+        self._unlike = UnlikeFiles()
         self._held: list[_Held] = []
         self._settled: set[str] = {"", ".png"}  # cameras whose files are not held any more
         self._proved: set[Guess] = set()
@@ -75,6 +77,8 @@ class Cameras:
         if file.camera in COUNTED_TOGETHER and size is not None and (told := self._alternation.note(frame.name, size)):
             yield from self._add_in_turn(frame, told)
             return
+        if size is not None:
+            self._unlike.note(frame.name, size)
         if file.guess == "bands" and self._is_counter(file, frame):
             yield from self._refuse_bands()
             file = self._file(frame.name)
@@ -129,9 +133,9 @@ class Cameras:
 
     @property
     def counts(self) -> tuple[CameraCount, ...]:
-        """The cameras, if there are several."""
+        """The cameras, if there are several; all are mapped if nothing tells which of their files are of one shot."""
         if not self._patterns:
-            return self._register.counts()
+            return self._register.counts() or self._unlike.counts()
         words, left = " or ".join(self._patterns), self._by_pattern[False]
         mapped = CameraCount(words, self._by_pattern[True], mapped=True)
         return (mapped, CameraCount(CHOSEN, left, mapped=False)) if left else ()
@@ -311,6 +315,12 @@ def is_chosen(name: str, patterns: Sequence[str], size: Size = None) -> bool:
 def in_words(cameras: Sequence[CameraCount]) -> str:
     """What is mapped and what is left out, with what to do; empty if there is one camera."""
     mapped, left = [one for one in cameras if one.mapped], [one for one in cameras if not one.mapped]
+    if len(mapped) > 1 and all(_SIZE.fullmatch(one.name) for one in cameras):
+        counted = " and ".join(f"{one.name} ({one.files})" for one in mapped)
+        return (
+            f"Pictures of two cameras come in turn, {counted}, and are mapped together: where one aircraft carries both, map one "
+            f"of them, --cameras '{mapped[0].name}' (or cameras: under frames: in the settings)"
+        )
     if not mapped or not left:
         return ""
     if left[0].name == CHOSEN:

@@ -206,3 +206,40 @@ def test_sizes_that_do_not_come_in_turn_are_of_one_camera(tmp_path: Path, sizes:
         assert [isinstance(item, Frame) for item in items] == [True]
         (tmp_path / f"IMG_{k:04}.JPG").write_bytes(encoded(".jpg", picture(64 * size, 48 * size)))
     assert frames_in(tmp_path).count == len(sizes)
+
+
+def unlike(names: Iterable[str], sizes: Iterable[tuple[int, int]]) -> str:
+    """What is said of files of these names and sizes, one after the other; each of them is a frame."""
+    cameras = Cameras()
+    for k, (name, size) in enumerate(zip(names, sizes, strict=True)):
+        items = [*cameras.take(frame(name), size, 3.0 * k), *cameras.due(3.0 * k + HOLD_S)]
+        assert [item.name for item in items if isinstance(item, Frame)] == [name]
+    return in_words(cameras.counts)
+
+
+WIDE, TELE = (4000, 3000), (1280, 960)
+
+
+def test_two_cameras_that_have_nothing_in_common_are_mapped_and_told() -> None:
+    """Wide and tele, each with names and a counter of its own."""
+    names = [f"DSC{k:05}.JPG" if k % 2 else f"cam2/Capture {k + 700}.jpg" for k in range(20)]
+    said = unlike(names, [WIDE if k % 2 else TELE for k in range(20)])
+    assert "1280x960 (10) and 4000x3000 (10), and are mapped together" in said
+    assert "--cameras '1280x960'" in said
+    assert unlike(names[:5], [WIDE if k % 2 else TELE for k in range(5)]) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    {
+        "one size": (lambda k: f"{'DSC' if k % 2 else 'IMG_'}{k:04}.JPG", lambda _: WIDE),
+        "another card": (lambda k: f"{'DSC' if k < 10 else 'IMG_'}{k:04}.JPG", lambda k: WIDE if k < 10 else TELE),
+        "upright": (lambda k: f"{'DSC' if k % 2 else 'IMG_'}{k:04}.JPG", lambda k: WIDE[:: 1 if k % 2 else -1]),
+        "sizes that change": (lambda k: f"{'DSC' if k % 2 else 'IMG_'}{k:04}.JPG", lambda k: WIDE if k % 3 else TELE),
+        "hashes": (lambda k: f"{'abcdefghijklmnopqrst'[k]}{'xyz'[k % 3]}.JPG", lambda k: WIDE if k % 2 else TELE),
+    }.values(),
+)
+def test_other_names_or_other_sizes_alone_are_of_one_camera(
+    name: Callable[[int], str], size: Callable[[int], tuple[int, int]]
+) -> None:
+    assert unlike([name(k) for k in range(20)], [size(k) for k in range(20)]) == ""

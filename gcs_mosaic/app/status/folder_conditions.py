@@ -83,8 +83,9 @@ def _apart(behind_s: float) -> str:
 def _of_cameras(source: SourceReport, whose: str) -> Iterator[SoNow]:
     if text := cameras_in_words(source.cameras):
         nothing = not any(one.files for one in source.cameras if one.mapped)
+        is_mixed = all(one.mapped for one in source.cameras)
         key = f"cameras{whose}, {', '.join(one.name for one in source.cameras if one.mapped)}"
-        yield SoNow(key, "warning" if nothing else "info", text, held_s=SOON_S if nothing else 0.0)
+        yield SoNow(key, "warning" if nothing or is_mixed else "info", text, held_s=SOON_S if nothing else 0.0)
 
 
 def _of_kinds(passed_over: Kinds, wanted: frozenset[str]) -> Kinds:

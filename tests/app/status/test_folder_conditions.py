@@ -16,6 +16,7 @@ MAPPED = replace(FOLDER, taken=9)
 TRIGGERED = Accounts(events=EventAccount(pending=6))
 QUIET = Accounts()
 FLOWN = Accounts(events=EventAccount(matched=9), frames=FrameAccount(placed=9))
+UNLIKE = (CameraCount("64x48", 9, mapped=True), CameraCount("96x72", 8, mapped=True))
 CAMERAS = (CameraCount("_w", 9, mapped=True), CameraCount("_t", 9, mapped=False))
 
 
@@ -55,6 +56,12 @@ CASES = {
     ),
     "a clock that is off": (replace(MAPPED, clock_off_s=-7200.0), FLOWN, "clock", "2.0 h after they came"),
     "several cameras": (replace(MAPPED, cameras=CAMERAS), FLOWN, "cameras, _w", "--cameras '*_T.*'"),
+    "two cameras without a word in common": (
+        replace(MAPPED, cameras=UNLIKE),
+        FLOWN,
+        "cameras, 64x48, 96x72",
+        "'64x48'",
+    ),
     "of one of several aircraft": (
         replace(FOLDER, vehicle=2, passed_over=((".arw", 6),)),
         TRIGGERED,

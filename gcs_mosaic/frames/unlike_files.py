@@ -1,0 +1,51 @@
+"""Two cameras whose files have nothing in common, neither shots nor a counter: told by names of two kinds and pictures of two
+sizes that come in turn. Only said: which of them is to be mapped is the operator's choice. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+
+from gcs_mosaic.messages import CameraCount
+
+PictureSize = tuple[int, int]
+
+LEAST = 3  # files of each
+TURNS = 5  # from one to the other: a card that is changed, or a folder that is copied in, is one
+_MOST_KINDS = 32  # of names without their digits; more are hashes, which tell nothing
+
+
+@dataclass(slots=True)
+class UnlikeFiles:
+    """Of one folder."""
+
+    _sizes: dict[str, Counter[PictureSize]] = field(default_factory=dict)  # by kind of name
+    _turns: Counter[frozenset[str]] = field(default_factory=Counter)
+    _last: str = ""
+
+    def note(self, name: str, size: PictureSize) -> None:
+        """A picture of this size (width, height) has come under this name (POSIX, with its folders)."""
+        kind = re.sub(r"\d+", "#", name.casefold())
+        if kind not in self._sizes and len(self._sizes) >= _MOST_KINDS:
+            return
+        self._sizes.setdefault(kind, Counter())[size] += 1
+        if self._last and kind != self._last:
+            self._turns[frozenset((kind, self._last))] += 1
+        self._last = kind
+
+    def counts(self) -> tuple[CameraCount, ...]:
+        """Both cameras, by the usual sizes of their pictures, as mapped; empty if there is one."""
+        for pair in (pair for pair, turns in self._turns.items() if turns >= TURNS):
+            each = [self._sizes[kind] for kind in pair]
+            lying = [{(max(size), min(size)) for size in sizes} for sizes in each]  # upright it is of the same camera
+            is_steady = all(len(one) == 1 for one in lying)  # one that is set otherwise, or zooms, has several
+            if is_steady and lying[0] != lying[1] and min(sizes.total() for sizes in each) >= LEAST:
+                found = [CameraCount(_words(sizes), sizes.total(), mapped=True) for sizes in each]
+                return tuple(sorted(found, key=lambda camera: camera.name))
+        return ()
+
+
+def _words(sizes: Counter[PictureSize]) -> str:
+    (width, height), _ = sizes.most_common(1)[0]
+    return f"{width}x{height}"
