@@ -19,6 +19,7 @@ STITCH = {"stitch.arrays", "stitch.transaction", *(f"stitch.{room}" for room in 
 ALLOWED = {
     "__init__": STITCH | {"interface"},  # the front door for programs
     "errors": set(),
+    "even_clock": set(),
     "messages": set(),
     "processes": set(),
     "outside": set(),
@@ -39,9 +40,9 @@ ALLOWED = {
     "render": {"stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.features", "stitch.graph"},
     "baseline": {"render", *STITCH},
     "geo": {"errors"},
-    "mavlink": {"messages", "errors"},
+    "mavlink": {"even_clock", "messages", "errors"},
     "triggers": {"messages"},
-    "frames": {"processes", "stitch.arrays", "messages", "errors"},
+    "frames": {"even_clock", "processes", "stitch.arrays", "messages", "errors"},
     "store": {"render", "stitch.arrays", "stitch.transaction", "stitch.camera", "stitch.graph", "messages", "errors"},
     "detection": {"views", "store", "render", "stitch.arrays", "stitch.camera", "errors"},
     "handover": {
@@ -95,6 +96,7 @@ ALLOWED = {
     },
     "app": {
         *(
+            "even_clock",
             "extensions",
             "notes",
             "config",
@@ -164,7 +166,7 @@ FLOORS = {
     "notes": ("texts", "storage", "ground", "anchors", "finds", "search", "merged_notes"),
 }
 APART = {("commands", "live")}
-FRONT_DOOR = {"__init__", "__main__", "errors", "extensions", "interface", "messages", "outside", "sitl"}
+FRONT_DOOR = {"__init__", "__main__", "errors", "even_clock", "extensions", "interface", "messages", "outside", "sitl"}
 OUTSIDE_OF_STITCH = {"numpy", "cv2", "scipy", "mahotas"}  # the last is an optional extra
 
 

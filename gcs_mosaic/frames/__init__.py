@@ -3,5 +3,5 @@ their own become one (`multiband`).
 
 Their pictures are decoded in processes of their own (`decoding`).
 
-May import `processes`, `messages`, `errors` and `stitch.arrays`; used by `app`, and by `export` to decode originals.
+May import `processes`, `even_clock`, `messages`, `errors` and `stitch.arrays`; used by `app`, and by `export` for originals.
 """

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.even_clock import even_utc
 from gcs_mosaic.frames.appearance import Appearances, Pause
 from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
@@ -197,7 +198,7 @@ class FolderWatch:
         for item in videos.items(found.videos, self._oldest_ns, now):
             if isinstance(item, Frame):
                 self._taken += 1
-                self._last_utc = time.time()
+                self._last_utc = even_utc()
             yield item
 
     def failed(self, error: Exception) -> Iterator[Notice]:
@@ -265,7 +266,7 @@ class FolderWatch:
         name, version = file_and_version(frame.name)
         self._versions[name] = version
         self._taken += 1
-        self._last_utc = time.time()
+        self._last_utc = even_utc()
         yield from self._put_together(self._cameras.take(frame, image_size(frame.data or b""), now), now)
 
     def _put_together(self, sorted_files: Iterator[Frame | OtherFile], now: float) -> Iterator[Item]:
@@ -379,7 +380,7 @@ class FolderWatch:
         missing = found.missing or self._unmounted(found)
         if bool(missing) == self._missing:
             return
-        self._missing, self._since_utc = bool(missing), time.time()
+        self._missing, self._since_utc = bool(missing), even_utc()
         self._gaps += self._missing
         folder = str(self._folder)
         if self._missing:

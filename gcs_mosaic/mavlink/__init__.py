@@ -1,4 +1,4 @@
 """A MAVLink link: parses bytes into camera events and link reports; transmits only what was explicitly asked for.
 
-May import `messages` and `errors`; called by `app`.
+May import `even_clock`, `messages` and `errors`; called by `app`.
 """

@@ -10,6 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from gcs_mosaic.even_clock import even_utc_of_zero
 from gcs_mosaic.mavlink.address import LinkAddress, connection_string
 from gcs_mosaic.mavlink.channels import Channel, UdpChannel, open_channel
 from gcs_mosaic.mavlink.flood import Trust
@@ -50,7 +51,7 @@ def triggers(
     choice = choice or VehicleChoice(settings)
     channel = open_channel(address, settings, signing)
     now = time.monotonic()
-    listener = Listener(address, settings, choice, now, time.time() - now, trust)
+    listener = Listener(address, settings, choice, now, even_utc_of_zero, trust)
     if isinstance(channel, UdpChannel):
         channel.skips = listener.skips
     link = _Link(channel, listener, recording or Recording(), signing, speaker, connection_string(address))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Literal
 
@@ -43,13 +43,15 @@ class Listener:
         settings: LinkSettings,
         choice: VehicleChoice,
         started: float,
-        utc_of_zero: float,
+        utc_of_zero: Callable[[], float],
         trust: Trust | None = None,
     ) -> None:
-        """`started` is on the monotonic clock; `utc_of_zero` is UTC at that clock's zero."""
+        """`started` is on the monotonic clock; `utc_of_zero()` is UTC at that clock's zero, and goes on evenly: times of
+        several aircraft are compared."""
         self._address, self._settings, self._choice = address, settings, choice
         self._name = connection_string(address)
         self._last_heard, self._ever_heard = started, False
+        self._last_heard_utc: float | None = None
         self._utc_of_zero = utc_of_zero
         self._noise, self._noise_at = 0, started  # non-MAVLink bytes as of the last message
         self._reported: tuple[LinkReport, float] | None = None
@@ -155,13 +157,12 @@ class Listener:
                 yield self._notice("warning", f"{reason} packets are refused on {self._name}: {advice}")
 
     def _report(self, working: bool, refused: Refusals, sent: int) -> LinkReport:
-        heard_utc = self._last_heard + self._utc_of_zero if self._ever_heard else None
         heard: LinkState = "silent" if self._silent else "heard"
         state: LinkState = "failed" if not working else heard if self._ever_heard else "listening"
         return LinkReport(
             address=self._name,
             state=state,
-            last_heard_utc=heard_utc,
+            last_heard_utc=self._last_heard_utc,
             silences=self._silences,
             followed=self._choice.followed,
             others=self._others(),
@@ -181,6 +182,7 @@ class Listener:
     def _back_again(self, received: float) -> Iterator[Notice]:
         gap, before = received - self._last_heard, self._ever_heard
         self._last_heard, self._ever_heard = received, True
+        self._last_heard_utc = received + self._utc_of_zero()
         if self._silent:
             self._silent = False
             how = f"again after {gap:.0f} s" if before else f"for the first time, {gap:.0f} s after it was opened"
@@ -274,7 +276,7 @@ class Listener:
             described = _described(message)
         else:
             described = known.described
-        heard_utc = received + self._utc_of_zero
+        heard_utc = received + self._utc_of_zero()
         self._aircraft[system] = Aircraft(system=system, described=described, last_heard_utc=heard_utc)
 
     def _greet(self, system: int, described: str) -> Iterator[Notice]:

@@ -79,7 +79,7 @@ class _Recorded:
     def __init__(self, path: Path, settings: LinkSettings, aircraft: AircraftIds) -> None:
         address, choice = LinkAddress(kind="file", path=path), VehicleChoice(settings)
         choice.count(aircraft)
-        self._listener = Listener(address, settings, choice, 0.0, 0.0)
+        self._listener = Listener(address, settings, choice, 0.0, lambda: 0.0)
         self._heard: list[tuple[float, TriggerEvent | Notice]] = []
         self._first_utc = self._last_utc = self._seconds = 0.0
         self.packets = self._bytes = 0

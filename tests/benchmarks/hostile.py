@@ -124,7 +124,7 @@ class Ear:
     def __init__(self, *, datagrams: bool) -> None:
         settings = LinkSettings(vehicle=VEHICLE)
         self.reader = PacketReader(datagrams=datagrams)
-        self.listener = Listener(parse_address("udp:14550"), settings, VehicleChoice(settings), 0.0, 0.0)
+        self.listener = Listener(parse_address("udp:14550"), settings, VehicleChoice(settings), 0.0, lambda: 0.0)
         self.merger, self.pairing, self.known = ShotMerger(), Pairing(), 0
 
     def hear(self, data: bytes, now: float) -> Iterator[TriggerEvent]:

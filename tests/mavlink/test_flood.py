@@ -134,7 +134,7 @@ def test_a_flood_that_goes_on_is_known_by_its_header() -> None:
 
 def test_the_operator_hears_of_a_flood_once_and_of_its_end() -> None:
     listener = Listener(
-        parse_address("udp:14550"), LinkSettings(), VehicleChoice(LinkSettings(decide_after_s=0)), 0.0, 0.0
+        parse_address("udp:14550"), LinkSettings(), VehicleChoice(LinkSettings(decide_after_s=0)), 0.0, lambda: 0.0
     )
     told: list[TriggerEvent | StreamOffer | Notice] = []
     for k in range(3000):
@@ -153,7 +153,7 @@ def test_the_operator_hears_of_a_flood_once_and_of_its_end() -> None:
 
 def test_the_operator_hears_of_a_crowd_once_and_of_few_of_its_members() -> None:
     listener = Listener(
-        parse_address("udp:14550"), LinkSettings(), VehicleChoice(LinkSettings(decide_after_s=0)), 0.0, 0.0
+        parse_address("udp:14550"), LinkSettings(), VehicleChoice(LinkSettings(decide_after_s=0)), 0.0, lambda: 0.0
     )
     texts = []
     for k in range(4_000):

@@ -13,7 +13,7 @@ SETTINGS = LinkSettings(decide_after_s=0, silent_after_s=10, ground_station_afte
 
 def listener(choice: VehicleChoice | None = None, address: str = "udp:14550") -> Listener:
     return Listener(
-        parse_address(address), SETTINGS, choice or VehicleChoice(SETTINGS), started=0.0, utc_of_zero=1.75e9
+        parse_address(address), SETTINGS, choice or VehicleChoice(SETTINGS), started=0.0, utc_of_zero=lambda: 1.75e9
     )
 
 

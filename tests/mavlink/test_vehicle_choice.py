@@ -22,7 +22,7 @@ class Link:
 
     def __init__(self, settings: LinkSettings = SETTINGS) -> None:
         self.choice = VehicleChoice(settings)
-        self.listener = Listener(parse_address("udp:14550"), settings, self.choice, 0.0, 1.75e9)
+        self.listener = Listener(parse_address("udp:14550"), settings, self.choice, 0.0, lambda: 1.75e9)
         self.came: list[object] = []
 
     def heartbeats(self, system: int, times: Iterable[float], **kind: int) -> None:
@@ -169,7 +169,7 @@ def test_a_forger_of_all_system_ids_is_not_named_each_time() -> None:
 
 def test_two_links_agree_and_each_lets_in_its_own() -> None:
     one, other = Link(), Link()
-    other.listener = Listener(parse_address("udp:14551"), SETTINGS, one.choice, 0.0, 1.75e9)
+    other.listener = Listener(parse_address("udp:14551"), SETTINGS, one.choice, 0.0, lambda: 1.75e9)
     other.trigger(1, 0.1)
     one.heartbeats(1, [0.5])
     assert (list(one.events), list(other.events)) == ([], [])

@@ -48,6 +48,7 @@ from gcs_mosaic.app.waiting.prefetch import DecodedFrame, Preparation, Undecodab
 from gcs_mosaic.app.waiting.turns import AsTheyCame, InTurn, NewestFirst, Turns, prepared_at_once
 from gcs_mosaic.app.waiting.unread import UnreadFrames
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.even_clock import even_utc
 from gcs_mosaic.frames.video.watched import Room
 from gcs_mosaic.mavlink.tlog_writer import Recording
 from gcs_mosaic.messages import DamagedFile, DroppedFrame, Frame, LinkReport, Notice, OtherFile, SourceReport, Topic
@@ -419,7 +420,7 @@ class _Daemon:
             name=done.name,
             outcome=done.state,
             island=done.island,
-            utc=time.time(),
+            utc=even_utc(),
             seconds_to_tile=latency if done.state is FrameState.PLACED else None,
             reason=done.reason,
             covered_by=done.covered_by,

@@ -15,6 +15,8 @@ from rich.console import Console
 
 from gcs_mosaic.app.status.conditions import Conditions, Facts
 from gcs_mosaic.app.status.terminal import Terminal
+from gcs_mosaic.app.status.told_times import by_the_clock
+from gcs_mosaic.even_clock import even_utc
 from gcs_mosaic.messages import Frame, LinkReport, Notice, SourceReport, Topic
 from gcs_mosaic.store.disk import CannotWrite, DiskFull, overwrite, write_beside
 from gcs_mosaic.store.documents import compact
@@ -60,7 +62,7 @@ class Reporter:
         self._flight, self._ledger = flight, ledger
         self._terminal, self._each_frame = Terminal(console, states=not each_frame), each_frame
         self._notices: deque[NoticeRecord] = deque(maxlen=NOTICES_SHOWN)
-        self._written, self._begun_utc = 0.0, time.time()
+        self._written, self._begun_utc = 0.0, even_utc()
         self._links: dict[str, LinkReport] = {}
         self.sources: dict[int | None, SourceReport] = {}  # by the aircraft whose it is; None: that of all
         self.conditions = Conditions()
@@ -145,7 +147,7 @@ class Reporter:
             conditions=conditions.at_the_end(facts) if state == "stopped" else conditions.so_now(facts, ending=ending),
             notices=tuple(self._notices),
         )
-        self._tell(status)
+        self._tell(by_the_clock(status))
 
     def _tell(self, status: Status) -> None:
         room = STATUS_BYTES + AIRCRAFT_BYTES * len(status.aircraft)
@@ -162,7 +164,7 @@ class Reporter:
 
     def _facts(self, behind: Behind, islands: int, aircraft: tuple[AircraftStatus, ...], held_out: Figures) -> Facts:
         return Facts(
-            utc=time.time(),
+            utc=even_utc(),
             started_utc=self._begun_utc,
             links=tuple(self._links.values()),
             source=self.sources.get(None),

@@ -6,7 +6,6 @@ import importlib.util
 import logging
 import re
 import threading
-import time
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from gcs_mosaic.errors import UsageError
+from gcs_mosaic.even_clock import even_utc, made_even
 from gcs_mosaic.frames.rtsp.address import AUTO, check_allowed, parse_stream
 from gcs_mosaic.frames.rtsp.frame_selection import Ask
 from gcs_mosaic.frames.rtsp.requests import Offer, Requests
@@ -139,14 +139,14 @@ class _Keeper:
         if told["state"] not in get_args(SourceState):
             raise ValueError("no state")
         counted: dict[str, Any] = {name: int(told[name]) + before for name, before in self._counted.items()}
-        times = {name: told[name] for name in ("since_utc", "last_seen_utc", "same_since_utc")}
+        times = {name: made_even(told[name]) for name in ("since_utc", "last_seen_utc", "same_since_utc")}
         fields: dict[str, Any] = times | counted
         self._report = SourceReport(kind="stream", name=str(told["name"]), state=told["state"], **fields)
         return self._report
 
     def _gone(self, ended: str) -> Iterator[Item]:
         last = self._report or SourceReport(kind="stream", name=stream_name(self._address), state="lost")
-        self._report = replace(last, state="lost", since_utc=time.time(), gaps=last.gaps + 1, same_since_utc=None)
+        self._report = replace(last, state="lost", since_utc=even_utc(), gaps=last.gaps + 1, same_since_utc=None)
         self._counted = {name: getattr(self._report, name) for name in COUNTS}
         yield Notice(source="stream", level="warning", text=f"{WHAT} has ended ({ended}); it is started again")
         yield self._report
