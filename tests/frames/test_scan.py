@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs_mosaic.frames.scan import scan
+from gcs_mosaic.frames.scan import _named, scan
 
 
 @pytest.mark.parametrize("given", ["", ".", "DCIM/..", "DCIM/../DCIM/.."])
@@ -30,3 +30,14 @@ def test_files_still_being_fetched_are_passed_over(tmp_path: Path) -> None:
     found = scan(tmp_path)
     assert [look.name for look in found.images] == ["f.jpg"]
     assert not found.strangers
+
+
+@pytest.mark.long
+def test_a_season_of_pictures_is_known_from_the_scan_before(tmp_path: Path) -> None:
+    """Of 20,000 old ones none was, and new frames came half a minute late."""
+    for number in range(20_000):
+        (tmp_path / f"{number}.jpg").touch()
+    scan(tmp_path)
+    before = _named.cache_info().misses
+    assert len(scan(tmp_path).images) == 20_000
+    assert _named.cache_info().misses == before
