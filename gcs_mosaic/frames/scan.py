@@ -19,7 +19,7 @@ _UNFINISHED = (".part", ".tmp", ".partial", ".crdownload")
 LEDGER = "flight.sqlite"  # a folder that contains it is one of our flights: its images are not new frames
 # The lock is there before the ledger. One that was left in the folder of frames itself hides nothing: that folder was named.
 OURS = (LEDGER, ".gcs-mosaic.lock")
-# From scan to scan, 0.5 kB each: to parse a path takes ten times as long as to look at its file. Of more files in a folder none is
+# From scan to scan, 0.5 kB each: to parse a path takes ten times as long as to look at its file. Of more in a folder none is
 # known from the scan before, and frames come half a minute late: a card of a season has 20,000.
 NAMES_KEPT = 65_536
 
