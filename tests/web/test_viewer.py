@@ -408,6 +408,33 @@ def test_a_good_end_does_not_look_like_a_crash(page: Page, tmp_path: Path, fligh
     assert "it crashed or was killed" in said["flying"]
 
 
+@pytest.mark.long
+def test_a_flight_that_ends_while_its_folder_is_gone_is_not_called_crashed_nor_offered_by_its_name(
+    page: Page, flight: SmallFlight
+) -> None:
+    """Somebody has renamed it: with the same words another flight would begin."""
+    flight.place("a.jpg", 128, 128)
+    elsewhere = flight.root.with_name(f"{flight.root.name} renamed")
+    for state, onward, title in (
+        ("flying", "Start it again with the same words", "Flying"),
+        ("stopped", "To open it again", "Flight ended"),
+    ):
+        server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed())
+        shown_here(page, server.start(), flight)
+        flight.status(state=state)
+        page.wait_for(f"document.querySelector('#state b').textContent === '{title}'")
+        flight.root.rename(elsewhere)
+        page.wait_for("document.querySelector('#state b').textContent === 'Folder gone'")
+        server.stop()
+        page.wait_for("document.getElementById('alarm').innerText.includes('has ended while')")
+        said = page.evaluate("document.body.innerText")
+        assert "put it back where it was" in said
+        assert onward in said
+        assert "crashed" not in said
+        page.open("about:blank")
+        elsewhere.rename(flight.root)
+
+
 def ended(page: Page, flight: SmallFlight, *lasting: Condition) -> tuple[str, str, str]:
     """What the page says when a flight has ended under its eyes: the state's kind and text, and the farewell."""
     server = WebServer(flight.root, HttpAddress("127.0.0.1", 0), Feed())

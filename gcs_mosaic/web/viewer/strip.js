@@ -24,7 +24,7 @@ const WORST = ["error", "warning", "info"];
  * @param {number} [gaps] on it
  */
 export function showStrip({ mosaic, newestFrame, status, statusAt, hasEnded, isGone }, connection, lagSeconds, island, gaps = 0) {
-  const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds()) ?? stateOf({ status, statusAt, mosaic }, connection, lagSeconds, isGone);
+  const state = endOf(status, mosaic, hasEnded, connection.lostForSeconds(), isGone) ?? stateOf({ status, statusAt, mosaic }, connection, lagSeconds, isGone);
   const conditions = state.kind === "bad" ? [] : status?.conditions ?? [];
   document.title = [status?.flight ?? mosaic?.flight, "gcs-mosaic"].filter(Boolean).join(" · "); // of several tabs, which is which
   showState(withWorst(state, conditions));
@@ -75,9 +75,15 @@ function showParts(mosaic, island, gaps) {
 }
 
 /** How it has ended, if it has: well, in a crash, or because the page of an earlier flight is no longer served; else null. */
-function endOf(status, mosaic, hasEnded, lostSeconds) {
+function endOf(status, mosaic, hasEnded, lostSeconds, isGone) {
   const name = status?.flight ?? mosaic?.flight;
   const again = t("To open it again: gcs-mosaic serve {name}", { name: typed(name) });
+  const onward = t("Start it again with the same words: the flight goes on by itself.");
+  if (hasEnded && isGone) {
+    const gone = t("gcs-mosaic has ended while the flight's folder was gone: put it back where it was.");
+    const alarm = `${gone} ${seenFrom(status?.updated ?? mosaic.updated)} ${status && status.state !== "stopped" ? onward : again}`;
+    return { kind: "bad", title: t("Folder gone"), detail: t("what is shown is left over"), alarm };
+  }
   if (status?.state === "stopped" && (hasEnded || lostSeconds)) {
     const map = finalMap(mosaic);
     return { kind: "calm", title: t("Flight ended"), detail: map, farewell: `${t("Ended, {map}.", { map })} ${again}` };
@@ -88,7 +94,7 @@ function endOf(status, mosaic, hasEnded, lostSeconds) {
   }
   const time = written(status.updated);
   const crashed = t("gcs-mosaic has ended without finishing: it crashed or was killed.");
-  const alarm = `${crashed} ${seenFrom(status.updated)} ${t("Start it again with the same words: the flight goes on by itself.")}`;
+  const alarm = `${crashed} ${seenFrom(status.updated)} ${onward}`;
   return { kind: "bad", title: t("Crashed"), detail: t("at {time}", { time }), alarm };
 }
 

@@ -509,6 +509,7 @@ export default {
   "frames arrive": "Bilder kommen",
   "frames match the map again": "Bilder passen wieder auf die Karte",
   "frames of aircraft {system} match the map again": "Bilder von Flugzeug {system} passen wieder auf die Karte",
+  "gcs-mosaic has ended while the flight's folder was gone: put it back where it was.": "gcs-mosaic hat geendet, während der Ordner des Flugs weg war: dorthin zurücklegen, wo er war.",
   "gcs-mosaic has ended without finishing: it crashed or was killed.": "gcs-mosaic hat mittendrin geendet: abgestürzt oder beendet worden.",
   "gcs-mosaic has not shown a sign of life for {time}.": "gcs-mosaic hat seit {time} kein Lebenszeichen gegeben.",
   "goes backwards": "rückwärts geht",
