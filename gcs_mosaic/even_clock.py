@@ -29,14 +29,15 @@ def even_utc_of_zero() -> float:
 
 def as_set_now(utc: float | None) -> float | None:
     """A moment of `even_utc` by the clock as it is set now, by which a reader reckons its age."""
-    return None if utc is None else utc + _set_by()
+    return None if utc is None else utc + set_by()
 
 
 def made_even(utc: float | None) -> float | None:
     """A moment by the clock as it is set now, as `even_utc` has it."""
-    return None if utc is None else utc - _set_by()
+    return None if utc is None else utc - set_by()
 
 
-def _set_by() -> float:
+def set_by() -> float:
+    """Seconds by which the clock has been set since this process began; 0 while it has only drifted."""
     moved = time.time() - even_utc()
     return moved if abs(moved) > _SET_S else 0.0

@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from gcs_mosaic.errors import UsageError
-from gcs_mosaic.even_clock import even_utc
+from gcs_mosaic.even_clock import even_utc, set_by
 from gcs_mosaic.frames.appearance import Appearances, Pause
 from gcs_mosaic.frames.cameras import Cameras
 from gcs_mosaic.frames.decoding.limits import DecodeSettings
@@ -292,7 +292,8 @@ class FolderWatch:
 
     def _of_long_ago(self, frame: Frame) -> Iterator[Notice]:
         """Say once that a card with an earlier flight may have been put in: its frames are mapped with those of this one."""
-        hours = (self._oldest_ns / 1e9 - frame.modified) / 3600
+        # Of a computer whose clock was set back meanwhile the times of new files are earlier by as much.
+        hours = (self._oldest_ns / 1e9 + min(0.0, set_by()) - frame.modified) / 3600
         if self._polls > 1 and hours > 0 and not self._said_old:
             self._said_old = True
             text = f"{frame.name} was written {math.ceil(hours)} h before this flight began, and others may be: if they are of "

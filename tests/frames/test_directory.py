@@ -225,6 +225,18 @@ def test_that_a_card_with_an_earlier_flight_may_have_been_put_in_is_said_once(wa
     assert said[0].startswith("a.jpg was written 24 h before this flight began")
 
 
+def test_files_of_a_computer_whose_clock_was_set_back_are_of_no_earlier_flight(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watched.look()
+    now = time.time
+    monkeypatch.setattr(time, "time", lambda: now() - 5 * 3600)
+    watched.write("now.jpg")
+    assert not any("earlier flight" in text for text in watched.texts())
+    watched.write("a.jpg", age_s=24 * 3600)
+    assert any("earlier flight" in text for text in watched.texts())
+
+
 def test_a_folder_that_goes_is_said_and_what_was_in_it_is_known_when_it_comes_back(watched: Watched) -> None:
     watched.write("a.jpg")
     watched.write("old.jpg", age_s=3600)

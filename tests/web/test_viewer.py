@@ -409,6 +409,28 @@ def test_a_good_end_does_not_look_like_a_crash(page: Page, tmp_path: Path, fligh
 
 
 @pytest.mark.long
+def test_a_clock_that_is_set_in_flight_is_no_daemon_that_hangs(
+    page: Page, url: str, flight: SmallFlight, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A field laptop finds its time: what was written before seems to be hours old, until it is written again."""
+    flight.place("a.jpg", 128, 128)
+    flight.write()
+    flight.status()
+    page.open(url)
+    page.wait_for("document.getElementById('state').className === 'good'")
+    page.evaluate(
+        "window.seen = new Set(); "
+        "setInterval(() => window.seen.add(document.querySelector('#state b').textContent), 20)"
+    )
+    now = time.time
+    monkeypatch.setattr(time, "time", lambda: now() + 5 * 3600)
+    time.sleep(2.0)
+    flight.status()
+    time.sleep(1.5)
+    assert page.evaluate("[...window.seen]") == ["Flying"]
+
+
+@pytest.mark.long
 def test_a_flight_that_ends_while_its_folder_is_gone_is_not_called_crashed_nor_offered_by_its_name(
     page: Page, flight: SmallFlight
 ) -> None:

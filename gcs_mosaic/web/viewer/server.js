@@ -13,6 +13,8 @@ const WITHOUT_BODY = [204, 205, 304];
 let wasAnswered = false; // by the server, not out of what was kept
 let sawKept = false; // since the last attempt began
 let clockOffsetMs = 0; // server's clock minus this device's: a tablet's clock may be minutes off
+let serverZero = NaN; // its clock at the zero of one that nobody sets
+let setAt = -Infinity; // when it was set last, ms since this page was opened
 let patienceMs = FIRST_PATIENCE_MS;
 let served = ""; // what the server calls the flight of the last document, where it tells flights of one name apart
 /** @type {Set<AbortController>} the questions that are not answered */
@@ -60,10 +62,22 @@ async function answerTo(path) {
   served = response.headers.get("X-Flight") ?? served;
   const date = sawKept ? NaN : Date.parse(response.headers.get("Date"));
   // The header has whole seconds; half a second is the best guess of the rest.
-  if (!Number.isNaN(date)) clockOffsetMs = date + 500 - Date.now();
+  if (!Number.isNaN(date)) noteClock(date + 500);
   if (response.status === 404) return null;
   if (!response.ok) throw Object.assign(new Error(`${path}: ${response.status}`), { status: response.status });
   return response;
+}
+
+function noteClock(serverMs) {
+  const zero = serverMs - performance.now();
+  if (Math.abs(zero - serverZero) > LOST_AFTER_MS) setAt = performance.now();
+  serverZero = zero;
+  clockOffsetMs = serverMs - Date.now();
+}
+
+/** Whether the server's clock was set a moment ago, or its machine was suspended: ages of what was written before tell nothing. */
+export function clockWasJustSet() {
+  return performance.now() - setAt < LOST_AFTER_MS;
 }
 
 async function stateAt(path) {

@@ -5,7 +5,7 @@
 
 import { byId, element } from "/viewer/dom.js";
 import { closeByEscape } from "/viewer/escape.js";
-import { ageOf } from "/viewer/server.js";
+import { ageOf, clockWasJustSet } from "/viewer/server.js";
 import { written } from "/viewer/times.js";
 import { said, t } from "/viewer/words.js";
 
@@ -143,7 +143,7 @@ function stateOf({ status, statusAt, mosaic }, connection, lagSeconds, isGone) {
   }
   if (!status) return mosaic ? { kind: "calm", title: t("Saved flight"), detail: t("painted {time}", { time: written(updated) }) } : nothingYet();
   if (status.state === "stopped") return { kind: "calm", title: t("Flight ended"), detail: t("painted {time}", { time: written(updated) }) };
-  const age = ageOf(updated);
+  const age = clockWasJustSet() ? 0 : ageOf(updated);
   if (age > HUNG_AFTER_S && !connection.isJustBackSince(statusAt)) {
     const alarm = `${t("gcs-mosaic has not shown a sign of life for {time}.", { time: duration(age) })} ${asOf}`;
     return { kind: "bad", title: t("Not responding"), detail: forTime(age), alarm };
