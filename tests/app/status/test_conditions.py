@@ -52,6 +52,7 @@ def test_a_good_flight_has_none() -> None:
 
 FOLDER = SourceReport(kind="folder", name="DCIM", state="watching", taken=9)
 CAMERAS = (CameraCount("_w", 9, mapped=True), CameraCount("_t", 9, mapped=False))
+UNLIKE = (CameraCount("64x48", 9, mapped=True), CameraCount("96x72", 8, mapped=True))
 CHOSEN = (CameraCount("*_T.*", 9, mapped=True), CameraCount("*", 9, mapped=False))
 
 
@@ -76,6 +77,7 @@ ONLY_A_GROUND_STATION = replace(
 )
 NEWS = {
     "raw": ("raw", beside(passed_over=((".arw", 6),))),
+    "two cameras": ("cameras, 64x48, 96x72", beside(cameras=UNLIKE)),
     "only others": ("only others", beside(taken=0, passed_over=((".mp4", 6),))),
     "only copies": ("only others", beside(taken=0, passed_over=(("preview/", 6),))),
     "left": ("left", beside(left=5, left_lately=5)),
