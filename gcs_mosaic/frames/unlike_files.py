@@ -35,17 +35,20 @@ class UnlikeFiles:
         self._last = kind
 
     def counts(self) -> tuple[CameraCount, ...]:
-        """Both cameras, by the usual sizes of their pictures, as mapped; empty if there is one."""
+        """Both cameras, by the usual sizes of their pictures, the larger first, as mapped; empty if there is one."""
         for pair in (pair for pair, turns in self._turns.items() if turns >= TURNS):
             each = [self._sizes[kind] for kind in pair]
             lying = [{(max(size), min(size)) for size in sizes} for sizes in each]  # upright it is of the same camera
             is_steady = all(len(one) == 1 for one in lying)  # one that is set otherwise, or zooms, has several
             if is_steady and lying[0] != lying[1] and min(sizes.total() for sizes in each) >= LEAST:
-                found = [CameraCount(_words(sizes), sizes.total(), mapped=True) for sizes in each]
-                return tuple(sorted(found, key=lambda camera: camera.name))
+                return tuple(_count(sizes) for sizes in sorted(each, key=_usual, reverse=True))
         return ()
 
 
-def _words(sizes: Counter[PictureSize]) -> str:
-    (width, height), _ = sizes.most_common(1)[0]
-    return f"{width}x{height}"
+def _usual(sizes: Counter[PictureSize]) -> PictureSize:
+    return sizes.most_common(1)[0][0]
+
+
+def _count(sizes: Counter[PictureSize]) -> CameraCount:
+    width, height = _usual(sizes)
+    return CameraCount(f"{width}x{height}", sizes.total(), mapped=True)
