@@ -170,7 +170,7 @@ def test_a_shot_that_is_told_of_late_is_no_counter_that_begins_anew() -> None:
         if isinstance(item, Frame) or item[0] != 3:
             flight.fly(item)
     flight.outcomes += flight.pairing.event(3, shot(39.5, 3), 6.0, 39.5)
-    flight.fly((20, shot(40.0, 20)), (21, shot(40.8, 21)), file(41.7, "0021.JPG"), file(41.9, "0020.JPG"))
+    flight.fly((20, shot(40.0, 20)), (21, shot(40.8, 21)), file(41.0, "0021.JPG"), file(41.8, "0020.JPG"))
     assert flight.pairs() == {n: f"{n:04}.JPG" for n in range(22)}
 
 
