@@ -20,7 +20,7 @@ WIDE = 0.1
 LEAST_FRAMES = 5  # with fewer either kind explains all
 # Of the other kind's cost: fisheyes of 110 degrees cost 0.6 of what they cost as the other kind, of 140 and more 0.3 and less.
 LIKELIER = 0.9
-# The same where the lens is refused and a prior stands in for it, to which anything is likelier: fisheyes of 150 degrees cost 0.2.
+# The same where the lens is refused and a prior stands in for it, to which much is likelier: fisheyes of 150 degrees cost 0.2.
 FAR_LIKELIER = 0.5
 SAMPLES = 48  # radii from the middle of a frame to its corner
 
