@@ -12,9 +12,8 @@ from gcs_mosaic.archive.artefacts import Artefacts
 from gcs_mosaic.archive.engine import Engine
 from gcs_mosaic.archive.islands import CHUNK, Assembled
 from gcs_mosaic.archive.tasks import Parts, task
-from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, adjusted_lenses
+from gcs_mosaic.stitch.bundle.island import AdjustedIsland, IslandTask, adjusted, adjusted_lenses, found_cameras
 from gcs_mosaic.stitch.camera.geometry import Pose
-from gcs_mosaic.stitch.camera.projection import with_lens
 from gcs_mosaic.stitch.graph.placement import Placement
 
 SPREAD_FROM = 10_000  # frames of an island from which its subtrees are worth sending
@@ -64,7 +63,7 @@ def adjustment(artefacts: Artefacts, key: str, island: int, spread: bool) -> Par
 
 def placed(one: IslandTask, found: AdjustedIsland, before: Sequence[Placement]) -> list[Placement]:
     """The placements (n) of an island by its adjustment; `before` it, in the same order."""
-    cameras = [with_lens(camera, lens) for camera, lens in zip(one.cameras, found.lenses, strict=True)]
+    cameras = found_cameras(one, found)
     scales = one.problem.half_diagonal / one.problem.unit_px  # of a camera
     numbers = one.problem.camera.tolist()
     hops = _hops(before, before[one.root].name)

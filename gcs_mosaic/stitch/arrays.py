@@ -35,6 +35,7 @@ Box4 = NDArray[np.float64]  # (4,) left, top, right, bottom, canvas units
 BoxesNx4 = NDArray[np.float64]  # (n, 4), as Box4
 PosesNx6 = NDArray[np.float64]  # (n, 6) x, y, log_gsd, yaw, pitch, roll: canvas units and radians
 LensesNx5 = NDArray[np.float64]  # (n, 5) log focal, k1, k2, shift_x, shift_y: half-diagonals
+LensRowsNx6 = NDArray[np.float64]  # (n, 6) these, and 1 for a fisheye, else 0
 ShiftGrid = NDArray[np.float64]  # (rows, columns, 2) shifts at the nodes of a grid over a frame
 
 # Indices, masks, features

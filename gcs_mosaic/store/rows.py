@@ -43,7 +43,7 @@ EVENT_COLUMNS = (
     "latitude_deg, longitude_deg, altitude_m"
 )
 POSE_COLUMNS = "x, y, log_gsd, yaw, pitch, roll"
-LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y"
+LENS_COLUMNS = "focal, k1, k2, shift_x, shift_y, fisheye"
 RELIEF_COLUMNS = "relief_columns, relief_rows, relief_shifts"
 LOOK_COLUMNS = "gain, vignetting, display, dead_border, overlay, light, picture_area"
 BLOCKS_SIZE = struct.Struct("<HH")  # rows and columns
@@ -194,18 +194,17 @@ def pose_of(row: sqlite3.Row) -> Pose:
 def camera_row(camera: Camera) -> tuple[float, ...]:
     """Values for width, height and LENS_COLUMNS."""
     lens = (camera.focal, camera.k1, camera.k2, camera.shift_x, camera.shift_y)
-    return (camera.width, camera.height, *(float(value) for value in lens))
+    return (camera.width, camera.height, *(float(value) for value in lens), int(camera.fisheye))
 
 
 def camera_of(row: sqlite3.Row) -> Camera:
     """Raises ValueError and TypeError for what is no camera."""
     lens = (row["focal"], row["k1"], row["k2"], row["shift_x"], row["shift_y"])
-    width, height = row["camera_width"], row["camera_height"]
-    if not (
-        width > 0 and height > 0 and width * height <= MOST_PIXELS and all(map(math.isfinite, lens)) and lens[0] > 0
-    ):
-        raise ValueError(f"not a camera: {width} x {height}, {lens}")
-    return Camera(operator.index(width), operator.index(height), *lens)
+    width, height, fisheye = row["camera_width"], row["camera_height"], row["fisheye"]
+    possible = width > 0 and height > 0 and width * height <= MOST_PIXELS and all(map(math.isfinite, lens))
+    if not (possible and lens[0] > 0 and fisheye in (0, 1)):
+        raise ValueError(f"not a camera: {width} x {height}, {lens}, {fisheye}")
+    return Camera(operator.index(width), operator.index(height), *lens, fisheye=bool(fisheye))
 
 
 def level_of(row: sqlite3.Row) -> int:

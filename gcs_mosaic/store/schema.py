@@ -5,14 +5,14 @@ from __future__ import annotations
 import sqlite3
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.store.disk import sync_folder, telling_disk_full
 from gcs_mosaic.store.foreign_file import ForeignFile, refuse_strange_files, refuse_strange_schema
 
-VERSION = 17  # PRAGMA user_version; increment with every change to the tables below, and add a migration
+VERSION = 18  # PRAGMA user_version; increment with every change to the tables below, and add a migration
 APPLICATION = 0x6763736D  # PRAGMA application_id, "gcsm": distinguishes our files from other programs' databases
 BUSY_S = 5.0  # how long a reader waits for another program that holds the file
 WRITER_BUSY_S = 2.0  # ... and the flight, which tries again, and must say that it is alive
@@ -65,6 +65,18 @@ RECORDED = """CREATE TABLE IF NOT EXISTS recorded (
     altitude_m
 );
 """
+CAMERAS = """-- One row for each set of lens values ever used: a painted frame refers to those it was painted with.
+CREATE TABLE cameras (
+    id INTEGER PRIMARY KEY,
+    width INTEGER NOT NULL,
+    height INTEGER NOT NULL,
+    focal NOT NULL,
+    k1 NOT NULL, k2 NOT NULL,
+    shift_x NOT NULL, shift_y NOT NULL,
+    fisheye INTEGER NOT NULL, -- 1: k1 and k2 are of the angle to the axis
+    UNIQUE (width, height, focal, k1, k2, shift_x, shift_y, fisheye)
+);
+"""
 TABLES = f"""
 CREATE TABLE flight (
     id INTEGER PRIMARY KEY CHECK (id = 1),
@@ -103,17 +115,7 @@ CREATE TABLE islands (
     merged_into INTEGER REFERENCES islands (id),
     CHECK (merged_into != id)
 );
--- One row for each set of lens values ever used: a painted frame refers to those it was painted with.
-CREATE TABLE cameras (
-    id INTEGER PRIMARY KEY,
-    width INTEGER NOT NULL,
-    height INTEGER NOT NULL,
-    focal NOT NULL,
-    k1 NOT NULL, k2 NOT NULL,
-    shift_x NOT NULL, shift_y NOT NULL,
-    UNIQUE (width, height, focal, k1, k2, shift_x, shift_y)
-);
-CREATE TABLE painted (
+{CAMERAS}CREATE TABLE painted (
     frame INTEGER PRIMARY KEY REFERENCES frames (id),
     "order" INTEGER NOT NULL,
     island INTEGER NOT NULL REFERENCES islands (id),
@@ -184,7 +186,14 @@ ALTER TABLE painted DROP COLUMN gain_r;
     14: RECORDED,
     15: "ALTER TABLE painted ADD COLUMN light BLOB;",
     16: "ALTER TABLE painted ADD COLUMN picture_area BLOB;",
+    17: f"""{CAMERAS.replace("TABLE cameras", "TABLE new_cameras")}
+INSERT INTO new_cameras SELECT id, width, height, focal, k1, k2, shift_x, shift_y, 0 FROM cameras;
+DROP TABLE cameras;
+ALTER TABLE new_cameras RENAME TO cameras;
+""",
 }
+# Statements by which a file of an older version that is only read, and so not migrated, reads like one of the next.
+SEEN_AS = {17: "CREATE TEMP VIEW cameras AS SELECT *, 0 AS fisheye FROM main.cameras;"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +208,7 @@ class FileSchema:
     noun: str
     kind: str  # what a file of it is, with an article
     remedy: str  # what to do with a file that is none
+    seen_as: Mapping[int, str] = field(default_factory=dict)  # as migrations, for a connection that only reads
 
 
 PRIMARY_CODE = 0xFF  # of SQLite's extended error codes
@@ -213,6 +223,7 @@ LEDGER = FileSchema(
     noun="ledger",
     kind="a flight's ledger",
     remedy="move it away or choose another --out",
+    seen_as=SEEN_AS,
 )
 
 
@@ -267,8 +278,11 @@ def _opened(path: Path, schema: FileSchema, how: str) -> sqlite3.Connection:
     connection = sqlite3.connect(place, uri=True, timeout=BUSY_S, isolation_level=None, factory=ForeignFile)
     try:
         connection.row_factory = sqlite3.Row
-        if version_of(connection, path, schema) == 0:
+        version = version_of(connection, path, schema)
+        if version == 0:
             raise UsageError(f"{path} holds no flight: name a folder that gcs-mosaic has written a flight into")
+        for old in range(version, schema.version):
+            connection.executescript(schema.seen_as.get(old, ""))
     except BaseException:
         connection.close()
         raise

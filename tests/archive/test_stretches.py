@@ -120,6 +120,7 @@ def apart(one: dict[str, Placement], other: dict[str, Placement]) -> float:
 
 
 @pytest.mark.long
+@pytest.mark.thorough
 def test_four_stretches_that_are_joined_twice_are_the_map_of_one(artefacts: Artefacts) -> None:
     whole = map_of(artefacts, placed(artefacts, 0, FRAMES), pairs=none_of(artefacts))
     quarters = [range(at, at + FRAMES // 4) for at in range(0, FRAMES, FRAMES // 4)]

@@ -56,11 +56,11 @@ def fly(mosaic: Mosaic, ground: Image, poses: Iterable[Pose], first: int = 0) ->
     return outcomes
 
 
-def map_error(placements: Sequence[Placement], truth: Sequence[Pose]) -> float:
+def map_error(placements: Sequence[Placement], truth: Sequence[Pose], camera: Camera = SMALL_CAMERA) -> float:
     """RMS distance from the true places after one similarity, in pixels of the ground."""
-    grid = pixel_grid(SMALL_CAMERA, 5, 4)
+    grid = pixel_grid(camera, 5, 4)
     found = np.concatenate([canvas_from_pixels(p.pose, p.camera, grid) for p in placements])
-    true = np.concatenate([canvas_from_pixels(truth[int(p.name)], SMALL_CAMERA, grid) for p in placements])
+    true = np.concatenate([canvas_from_pixels(truth[int(p.name)], camera, grid) for p in placements])
     scale, angle, shift = similarity_between(found, true)
     c, s = math.cos(angle), math.sin(angle)
     return float(np.sqrt(((scale * found @ np.array([[c, s], [-s, c]]) + shift - true) ** 2).sum(axis=1).mean()))

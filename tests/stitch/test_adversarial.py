@@ -27,6 +27,7 @@ def test_halls_of_one_make_join_no_two_places() -> None:
     assert [len(island) for island in islands_of(mosaic)] == [7, 7]
 
 
+@pytest.mark.thorough
 def test_writing_in_every_picture_joins_no_two_places() -> None:
     taken = in_turn(*(shots("country", seed, frames=6, seen=written_on) for seed in (1, 2)))
     mosaic = stitched(taken)
@@ -43,6 +44,7 @@ def test_waves_that_have_moved_on_are_nowhere() -> None:
     assert_nothing_is_mixed_up(mosaic, [*shore, *water])
 
 
+@pytest.mark.thorough
 def test_a_second_visit_after_a_long_absence_closes_the_map() -> None:
     """Away over other land for longer than anything is near, then over the first ground again, from elsewhere."""
     first, again = shots("country", 1, frames=4), shots("country", 1, frames=9)[4:]

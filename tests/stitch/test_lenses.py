@@ -12,7 +12,7 @@ from gcs_mosaic.stitch.bundle.island import _lens_prior
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import any_lens
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
-from gcs_mosaic.stitch.camera.projection import lens_row
+from gcs_mosaic.stitch.camera.projection import lens_terms
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.placement import Placement
@@ -202,10 +202,10 @@ def information_of(known: Lens) -> Array:
 def test_joined_islands_weigh_their_lenses_by_what_they_know() -> None:
     few, many = known(1.9, -0.2, 1.0), known(1.4, -0.1, 9.0)
     found = _reconciled(few, many)
-    expected = 0.1 * np.array(lens_row(few.camera)) + 0.9 * np.array(lens_row(many.camera))
-    assert np.allclose(lens_row(found.camera), expected)
+    expected = 0.1 * np.array(lens_terms(few.camera)) + 0.9 * np.array(lens_terms(many.camera))
+    assert np.allclose(lens_terms(found.camera), expected)
     assert np.allclose(information_of(found), information_of(few) + information_of(many))
-    assert np.allclose(lens_row(_reconciled(many, few).camera), expected)
+    assert np.allclose(lens_terms(_reconciled(many, few).camera), expected)
 
 
 def test_what_is_known_of_one_term_only_weighs_only_there() -> None:
@@ -230,7 +230,7 @@ def test_a_mean_that_no_camera_can_have_gives_way_to_the_lens_that_is_known_bett
     near = replace(near, information=information_of(near) + 1e6 * np.outer(along[0], along[0]))
     far = replace(far, information=information_of(far) + 4e6 * np.outer(along[1], along[1]))
     for found in (_reconciled(near, far), _reconciled(far, near)):
-        row = np.array([lens_row(found.camera)])
+        row = np.array([lens_terms(found.camera)])
         assert np.array_equal(lens.believable(row), row)
         assert found is far
 
@@ -326,7 +326,7 @@ def test_hopeless_matches_say_little_of_the_lens() -> None:
         mosaic.adjust(everything=True)
     placed = mosaic.placements()
     assert len(placed) >= 2
-    found = np.array(lens_row(placed[-1].camera))
+    found = np.array(lens_terms(placed[-1].camera))
     prior = mosaic.settings.adjustment
     assert abs(found[0] - np.log(prior.focal_prior)) < prior.focal_prior_log_sigma
     assert abs(found[1]) < prior.k1_prior_sigma

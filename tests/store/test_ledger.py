@@ -110,6 +110,7 @@ def test_damaged_file_that_becomes_whole_is_a_frame(ledger: Ledger) -> None:
     values=st.lists(finite, min_size=4, max_size=9),
     focal=st.floats(1e-300, 1e300),
     lens=st.lists(finite, min_size=4, max_size=4),
+    fisheye=st.booleans(),
     shifts=st.sampled_from([b"", b"\x80" * 48]) | st.binary(min_size=48, max_size=48),
     display=st.sampled_from(
         [PLAIN, Display(factor=1.7, gamma=0.437), Display((4, 4, 4), (0, 3, 65_000), (65_535, 99, 65_100))]
@@ -122,6 +123,7 @@ def test_painted_frame_comes_back_to_the_last_bit(
     values: list[float],
     focal: float,
     lens: list[float],
+    fisheye: bool,
     shifts: bytes,
     display: Display,
     dead: DeadBorder,
@@ -132,7 +134,7 @@ def test_painted_frame_comes_back_to_the_last_bit(
         order=3,
         island=0,
         pose=Pose(*values[:6]),
-        camera=Camera(40, 30, focal, *lens),
+        camera=Camera(40, 30, focal, lens[0], lens[1], lens[2], lens[3], fisheye),
         relief=ReliefDisplacement(3, 2, shifts) if shifts else None,
         gain=tuple(values[6:]),
         display=display,

@@ -67,12 +67,13 @@ def test_what_is_no_frame_is_refused(change: dict[str, Any]) -> None:
 
 POSE: dict[str, Any] = {"x": 1.0, "y": 2.0, "log_gsd": 0.5, "yaw": 0.1, "pitch": 0.2, "roll": 0.3}
 CAMERA: dict[str, Any] = {
-    "camera_width": 400, "camera_height": 300, "focal": 1.5, "k1": 0.01, "k2": 0.02, "shift_x": 0.03, "shift_y": 0.04
+    "camera_width": 400, "camera_height": 300, "focal": 1.5, "k1": 0.01, "k2": 0.02, "shift_x": 0.03, "shift_y": 0.04,
+    "fisheye": 1,
 }  # fmt: skip
 
 
 def test_a_pose_and_a_camera_are_read_as_they_were_written() -> None:
-    pose, camera = Pose(1.0, 2.0, 0.5, 0.1, 0.2, 0.3), Camera(400, 300, 1.5, 0.01, 0.02, 0.03, 0.04)
+    pose, camera = Pose(1.0, 2.0, 0.5, 0.1, 0.2, 0.3), Camera(400, 300, 1.5, 0.01, 0.02, 0.03, 0.04, fisheye=True)
     assert rows.pose_of(row(**POSE)) == pose
     assert rows.pose_row(pose) == tuple(POSE.values())
     assert rows.camera_of(row(**CAMERA)) == camera
@@ -95,7 +96,7 @@ def test_a_pose_that_is_not_finite_is_neither_read_nor_written(name: str) -> Non
     [
         {"camera_width": 0}, {"camera_height": 0}, {"camera_width": -4, "camera_height": -4}, {"focal": 0.0}, {"focal": -1.0},
         {"camera_width": MOST_PIXELS + 1, "camera_height": 1}, {"k1": math.inf}, {"shift_y": -math.inf},
-        {"camera_width": 400.5},
+        {"camera_width": 400.5}, {"fisheye": 2},
     ],
     ids=str,
 )  # fmt: skip

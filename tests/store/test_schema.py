@@ -125,6 +125,11 @@ def test_a_ledger_from_before_covered_frames_is_read_and_migrated(tmp_path: Path
 
 # What each version brought, taken away again: statements that make a ledger of the one before out of one of this version.
 BEFORE = {
+    18: """CREATE TABLE old AS SELECT * FROM cameras; DROP TABLE cameras;
+        CREATE TABLE cameras (id INTEGER PRIMARY KEY, width INTEGER NOT NULL, height INTEGER NOT NULL, focal NOT NULL,
+            k1 NOT NULL, k2 NOT NULL, shift_x NOT NULL, shift_y NOT NULL,
+            UNIQUE (width, height, focal, k1, k2, shift_x, shift_y));
+        INSERT INTO cameras SELECT id, width, height, focal, k1, k2, shift_x, shift_y FROM old; DROP TABLE old;""",
     17: "ALTER TABLE painted DROP COLUMN picture_area;",
     16: "ALTER TABLE painted DROP COLUMN light;",
     15: "DROP TABLE recorded;",

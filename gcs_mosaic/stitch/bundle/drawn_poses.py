@@ -37,7 +37,7 @@ def drawn_poses(problem: Problem, seen: SightedPoints, points: RowsNx3) -> Poses
     poses, places, by_frame = start, points[seen.point, :2], Sums.at(seen.row)
     for _ in range(ROUNDS):
         up = projection.pixels_from_canvas(
-            poses[seen.row], problem.lenses[camera], problem.half_diagonal[camera], places
+            poses[seen.row], problem.lens_rows(camera), problem.half_diagonal[camera], places
         )
         off = np.where(up.valid[:, None], up.points - seen.pixels, 0.0)
         weight = np.where(up.valid, 1 / (SPREAD**2 + (off**2).sum(axis=1)), 0.0)

@@ -13,6 +13,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Matrices, Matrix, PairValues, PointsNx2, PosesNx6, Vector
 from gcs_mosaic.stitch.bundle.certainty import note_adjusted
 from gcs_mosaic.stitch.bundle.lens import expected
+from gcs_mosaic.stitch.bundle.lens_kind import through_likelier_lenses
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens, cost_of
 from gcs_mosaic.stitch.bundle.matched_points import MatchedPoints, Sightings, matched, sightings
 from gcs_mosaic.stitch.bundle.normal_equations import Run
@@ -31,7 +32,7 @@ from gcs_mosaic.stitch.camera.geometry import (
     moved_by_similarity,
     similarity_between,
 )
-from gcs_mosaic.stitch.camera.projection import lens_row, pose_row, with_lens
+from gcs_mosaic.stitch.camera.projection import lens_row, lens_terms, pose_row, with_lens
 from gcs_mosaic.stitch.camera.relief import ReliefDisplacement
 from gcs_mosaic.stitch.graph.view_graph import CameraNumber, Lens, ViewGraph
 
@@ -98,6 +99,7 @@ class AdjustedIsland:
     poses: PosesNx6  # (n, 6)
     lenses: LensesNx5  # (c, 5)
     lens_information: Matrices | None  # (c, 5, 5), None if the matches leave a degree of freedom open
+    fisheye: Mask  # (c,) which of the lenses are
     lens_refused: Mask  # (c,) as in `Solution.refused`
     residuals: Vector  # (n,) median over a frame's matches
     deviations_px: Vector  # (n,) of the least certain corner, full-resolution pixels
@@ -124,6 +126,8 @@ def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
     """Run the adjustment, over a plane and then over points: a pure function, for any process. `run` as in
     `normal_equations.solve`."""
     solution = _over_likelier_plane(task, adjust(task.problem, task.settings, run), run)
+    solution, fisheye = through_likelier_lenses(task.problem, solution, task.settings, run)
+    task = _with_kinds(task, fisheye)
     certainty = island_certainty(task.problem, solution, task.cameras, task.root, task.settings.loss_px, run)
     seen = None if task.matches is None else sightings(task.matches)
     found = _over_points(task, solution, seen, run)
@@ -131,12 +135,19 @@ def adjusted(task: IslandTask, run: Run = map) -> AdjustedIsland:
         poses=found.drawn,
         lenses=found.lenses,
         lens_information=certainty.lens_information,
+        fisheye=fisheye,
         lens_refused=solution.refused & (found.lenses == solution.lenses).all(axis=1),
         residuals=_residuals_by_frame(task.problem, solution.residuals_px),
         deviations_px=certainty.deviations_px,
         reliefs=_reliefs(task, found, seen),
         unevenness=found.unevenness,
     )
+
+
+def _with_kinds(task: IslandTask, fisheye: Mask) -> IslandTask:
+    """The task with these of its lenses (c,) as fisheyes."""
+    cameras = tuple(replace(camera, fisheye=kind) for camera, kind in zip(task.cameras, fisheye.tolist(), strict=True))
+    return replace(task, cameras=cameras, problem=replace(task.problem, fisheye=fisheye))
 
 
 def _over_points(task: IslandTask, solution: Solution, seen: Sightings | None, run: Run) -> Grounded:
@@ -276,7 +287,8 @@ def _problem(
     scale = {camera[frame]: graph.frames[frame].features.scale for frame in frames}
     problem = Problem(
         poses=np.array([pose_row(pose) for pose in poses]),
-        lenses=np.array([lens_row(camera) for camera in cameras]),
+        lenses=np.array([lens_terms(camera) for camera in cameras]),
+        fisheye=np.array([camera.fisheye for camera in cameras]),
         camera=np.array([camera[frame] for frame in frames]),
         half_diagonal=np.array([c.half_diagonal for c in cameras]),
         unit_px=np.array([c.half_diagonal / scale[i] for i, c in enumerate(cameras)]),
@@ -303,8 +315,10 @@ def _lens_prior(graph: ViewGraph, island: int, number: CameraNumber, settings: A
     if teacher is None or teacher == island or graph.count_with_camera(teacher, number) <= shown:
         return np.stack([mean, sigma])
     lens = graph.lenses[teacher, number]
+    if lens.camera.fisheye != graph.camera_on(island, number).fisheye:
+        return np.stack([mean, sigma])
     assert lens.information is not None, "the best known lens was estimated"
-    return np.stack(expected(mean, sigma, np.array(lens_row(lens.camera)), lens.information))
+    return np.stack(expected(mean, sigma, np.array(lens_terms(lens.camera)), lens.information))
 
 
 def _matches(
@@ -322,10 +336,16 @@ def _matches(
     return pixels, present
 
 
+def found_cameras(task: IslandTask, found: AdjustedIsland) -> list[Camera]:
+    """The cameras of a task by its result."""
+    kinds = _with_kinds(task, found.fisheye).cameras
+    return [with_lens(camera, lens) for camera, lens in zip(kinds, found.lenses, strict=True)]
+
+
 def adjusted_lenses(task: IslandTask, found: AdjustedIsland) -> dict[CameraNumber, Lens]:
     """The lenses of a task's cameras, in their order, by its result."""
     information = [None] * len(task.numbers) if found.lens_information is None else list(found.lens_information)
-    cameras = (with_lens(camera, row) for camera, row in zip(task.cameras, found.lenses, strict=True))
+    cameras = found_cameras(task, found)
     known = zip(cameras, information, found.lens_refused.tolist(), strict=True)
     return dict(zip(task.numbers, (Lens(*one) for one in known), strict=True))
 

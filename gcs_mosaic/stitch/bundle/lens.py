@@ -1,13 +1,13 @@
 """Prior knowledge of a lens: limits of all cameras, and what other islands have found of this one.
 
-Lenses are rows as in `projection.lens_row`: log focal, k1, k2, shift_x, shift_y.
+Lenses are rows of their terms: log focal, k1, k2, shift_x, shift_y.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import LensesNx5, SquareMatrix, Vector
+from gcs_mosaic.stitch.arrays import LensesNx5, Mask, SquareMatrix, Vector
 from gcs_mosaic.stitch.camera.geometry import lens_reach
 
 # Half-diagonals. A fisheye of 127 degrees across its diagonal has 0.5, a survey camera with 135 mm on 35 mm film 6.24.
@@ -15,19 +15,23 @@ SHORTEST_FOCAL, LONGEST_FOCAL = 0.5, 6.5
 # Displacement of a corner by the two radial terms, relative to its radius. Wide action cameras shrink it by a third and more;
 # no lens is made that pushes it outward by more than a twentieth.
 MOST_BARREL, MOST_PINCUSHION = 0.45, 0.05
+# The same of a fisheye, relative to one whose radii grow as the angles: a stereographic one of 160 degrees across its diagonal
+# has 0.2, and what leads to that goes beyond it.
+MOST_OF_FISHEYES = 0.45
 REACH = 1.1  # corner radii up to which a lens must not fold the image back
 # Inflation of another island's standard deviations: matches of one flight share errors.
 DOUBT = 3.0
 LEAST_SIGMA = np.array([0.03, 0.01, 0.01, 0.005, 0.005])  # the camera may have zoomed or refocused in between
 
 
-def believable(lenses: LensesNx5) -> LensesNx5:
-    """The nearest lenses (c, 5) that a camera can have; unchanged where already possible."""
+def believable(lenses: LensesNx5, fisheye: Mask | None = None) -> LensesNx5:
+    """The nearest lenses (c, 5) that a camera can have; unchanged where already possible. `fisheye`: which are, (c,)."""
     found = lenses.copy()
     found[:, 0] = np.clip(found[:, 0], np.log(SHORTEST_FOCAL), np.log(LONGEST_FOCAL))
     corner = np.exp(-found[:, 0])
     shift = found[:, 1] * corner**2 + found[:, 2] * corner**4
-    most = np.where(shift > 0, MOST_PINCUSHION, MOST_BARREL)
+    outward = MOST_PINCUSHION if fisheye is None else np.where(fisheye, MOST_OF_FISHEYES, MOST_PINCUSHION)
+    most = np.where(shift > 0, outward, MOST_BARREL)
     found[:, 1:3] *= np.minimum(1.0, most / np.maximum(abs(shift), 1e-12))[:, None]
     for _ in range(FOLDING_STEPS):
         folds = lens_reach(found[:, 1], found[:, 2]) < REACH * corner

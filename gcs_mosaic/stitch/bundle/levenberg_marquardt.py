@@ -167,7 +167,7 @@ def _at_prior(state: _State, settings: AdjustmentSettings, terms: Mask) -> _Stat
     What matches determine on flat ground is tilt over focal length, so tilts change with it.
     """
     problem, (mean, sigma) = state.problem, _lens_prior(state)
-    lenses = believable(np.where(terms, mean, problem.lenses))
+    lenses = believable(np.where(terms, mean, problem.lenses), problem.fisheye)
     weights = _lens_weights(state) + np.eye(LENS_TERMS) * np.where(terms, HELD / sigma**2, 0.0)[:, None]
     poses = problem.poses.copy()
     poses[problem.free, 4:] *= np.exp(lenses[:, 0] - problem.lenses[:, 0])[problem.camera[problem.free], None]
@@ -302,7 +302,7 @@ def stepped(problem: Problem, layout: EquationLayout, step: Matrix) -> Problem:
     poses[problem.free] += of_frames
     if not problem.lens_free:
         return replace(problem, poses=poses, lenses=lenses)
-    lenses, camera = believable(lenses), problem.camera[problem.free]
+    lenses, camera = believable(lenses, problem.fisheye), problem.camera[problem.free]
     focal = problem.lenses[camera, 0], lenses[camera, 0]
     half_diagonals = problem.half_diagonal[camera]
     poses[problem.free] += along_flat_ground(problem.poses[problem.free], of_frames, *focal, half_diagonals)

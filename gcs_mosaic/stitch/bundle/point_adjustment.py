@@ -102,7 +102,7 @@ def _first_points(problem: Problem, seen: SightedPoints, settings: AdjustmentSet
     """Places and heights (t, 3) of the points at a problem's poses."""
     camera = problem.camera[seen.row]
     poses, half_diagonals = problem.poses[seen.row], problem.half_diagonal[camera]
-    down = projection.canvas_from_pixels(poses, problem.lenses[camera], half_diagonals, seen.pixels)
+    down = projection.canvas_from_pixels(poses, problem.lens_rows(camera), half_diagonals, seen.pixels)
     deviations = np.exp(poses[:, 2]) * half_diagonals / problem.unit_px[camera] * settings.loss_px
     places = np.where(down.valid[:, None], down.points, np.nan)
     sigma = settings.relief.sigma * flying_height(problem)

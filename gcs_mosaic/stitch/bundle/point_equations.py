@@ -171,7 +171,7 @@ class _Sighted:
 
 def _sighted(problem: Problem, seen: SightedPoints, points: RowsNx3, loss_px: float) -> _Sighted:
     camera, at = problem.camera[seen.row], points[seen.point]
-    poses, lenses, half_diagonals = problem.poses[seen.row], problem.lenses[camera], problem.half_diagonal[camera]
+    poses, lenses, half_diagonals = problem.poses[seen.row], problem.lens_rows(camera), problem.half_diagonal[camera]
     up = projection.pixels_from_canvas(poses, lenses, half_diagonals, at[:, :2], at[:, 2])
     off = (up.points - seen.pixels) * (problem.unit_px[camera] / loss_px)[:, None]
     size2 = np.where(up.valid, (off**2).sum(axis=1), INVISIBLE2)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gcs_mosaic.stitch.arrays import (
     Array,
     IndexPairsNx2,
     Indices,
     LensesNx5,
+    LensRowsNx6,
     Mask,
     Matrices,
     PairPoints,
@@ -16,7 +19,7 @@ from gcs_mosaic.stitch.arrays import (
     PosesNx6,
     Vector,
 )
-from gcs_mosaic.stitch.camera.projection import LENS_TERMS
+from gcs_mosaic.stitch.camera.projection import LENS_TERMS, lens_rows
 
 POSE = 6  # unknowns per frame
 COLUMNS = 2 * (POSE + LENS_TERMS)  # unknowns that a pair depends on: pose a, pose b, lens a, lens b
@@ -47,3 +50,9 @@ class Problem:
     lens_weights: Matrices | None = None
     # (c, 2): pitch and roll that the frames of a camera are expected to have; None: level ones
     tilt_prior: PointsNx2 | None = None
+    fisheye: Mask | None = None  # (c,) lenses that are; None: none is
+
+    def lens_rows(self, cameras: Indices) -> LensRowsNx6:
+        """Rows (m, 6), as in `projection`, of the lenses of these cameras (m,)."""
+        fisheye = np.zeros(len(self.lenses), bool) if self.fisheye is None else self.fisheye
+        return lens_rows(self.lenses, fisheye)[cameras]

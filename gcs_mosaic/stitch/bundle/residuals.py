@@ -15,7 +15,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import (
     Array,
     Indices,
-    LensesNx5,
+    LensRowsNx6,
     Mask,
     Matrices,
     Matrix,
@@ -170,9 +170,9 @@ def _passage(problem: Problem, source: int, target: int) -> _Passage:
     )
 
 
-def _of(problem: Problem, frames: Indices) -> tuple[PosesNx6, LensesNx5, Vector]:
+def _of(problem: Problem, frames: Indices) -> tuple[PosesNx6, LensRowsNx6, Vector]:
     camera = problem.camera[frames]
-    return problem.poses[frames], problem.lenses[camera], problem.half_diagonal[camera]
+    return problem.poses[frames], problem.lens_rows(camera), problem.half_diagonal[camera]
 
 
 def discount(parallax: PointsNx2) -> PointsNx2:

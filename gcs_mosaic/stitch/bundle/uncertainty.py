@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -99,7 +99,8 @@ def corner_shifts(problem: Problem, solution: Solution, cameras: Sequence[Camera
     In half-diagonals; NaN for corners that see no ground.
     """
     sizes = np.array([[camera.width, camera.height] for camera in cameras])[problem.camera]
-    half_diagonals, lenses = problem.half_diagonal[problem.camera], solution.lenses[problem.camera]
+    solved = replace(problem, lenses=solution.lenses)
+    half_diagonals, lenses = problem.half_diagonal[problem.camera], solved.lens_rows(problem.camera)
     half_sizes = sizes / half_diagonals[:, None] / 2
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half_sizes[:, None]
     down = projection.canvas_from_pixels(

@@ -6,7 +6,9 @@ Conventions, used throughout this package:
 * Canvas: x right, y down; the ground is the canvas plane. One unit is one full-resolution pixel of an island's first frame.
 * Camera axes: x right, y down, z forward. A frame with yaw = pitch = roll = 0 looks straight down, its x along the canvas' x.
 * Lens: two radial terms as in OpenCV, `distorted = undistorted * (1 + k1 * r**2 + k2 * r**4)`, radii in focal lengths from the
-  principal point (Brown, Photogrammetric Engineering 37(8), 1971).
+  principal point (Brown, Photogrammetric Engineering 37(8), 1971). Of a fisheye the same of the angle to the axis, also as in
+  OpenCV: `distorted = angle * (1 + k1 * angle**2 + k2 * angle**4)` (Kannala and Brandt, IEEE PAMI 28(8), 2006). Of one of 110
+  degrees across its diagonal the first is 20 px off in the corner of 12 megapixels, of one of 150 degrees 250 px.
 * Transforms are named target_from_source; points are (n, 2) float64 arrays; NaN means "nowhere" (behind the camera, above the
   horizon, outside the lens model's range).
 """
@@ -42,6 +44,7 @@ class Camera:
     k2: float = 0.0
     shift_x: Annotated[float, "of the principal point from the middle of the frame"] = 0.0
     shift_y: float = 0.0
+    fisheye: Annotated[bool, "k1 and k2 are of the angle to the axis, not of its tangent"] = False
 
     @property
     def half_diagonal(self) -> float:
@@ -63,12 +66,14 @@ class Camera:
 
     @property
     def is_pinhole(self) -> bool:
-        return self.k1 == 0 and self.k2 == 0
+        return self.k1 == 0 and self.k2 == 0 and not self.fisheye
 
     @property
     def reach(self) -> float:
-        """Radius (undistorted, in focal lengths) at which the distortion would fold the image back; often infinite."""
-        return _reach_of(self.k1, self.k2)
+        """Radius (undistorted, in focal lengths; of a fisheye the angle) at which the distortion would fold the image back; often
+        infinite."""
+        reach = _reach_of(self.k1, self.k2)
+        return min(reach, math.pi / 2) if self.fisheye else reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,9 +166,10 @@ def _reach_of(k1: float, k2: float) -> float:
 
 def distort(camera: Camera, undistorted: Rows2xN) -> Rows2xN:
     """Apply lens distortion to (2, n); NaN beyond the radius where it would fold the image back."""
-    r2 = (undistorted**2).sum(axis=0)
     with np.errstate(over="ignore", invalid="ignore"):  # rays almost perpendicular to the axis
-        distorted = undistorted * (1 + r2 * (camera.k1 + r2 * camera.k2))
+        bent = undistorted * _angle_by_tangent(undistorted) if camera.fisheye else undistorted
+        r2 = (bent**2).sum(axis=0)
+        distorted = bent * (1 + r2 * (camera.k1 + r2 * camera.k2))
     return np.asarray(np.where(r2 < camera.reach**2, distorted, np.nan))
 
 
@@ -174,8 +180,15 @@ def undistort(camera: Camera, distorted: Rows2xN) -> Rows2xN:
     r_distorted = np.sqrt((distorted**2).sum(axis=0))
     r, reached = undistorted_radius(r_distorted, camera.k1, camera.k2, camera.reach)
     with np.errstate(divide="ignore", invalid="ignore"):
-        factor = np.where(r_distorted > 0, r / r_distorted, 1.0)
+        factor = np.where(r_distorted > 0, (np.tan(r) if camera.fisheye else r) / r_distorted, 1.0)
     return np.asarray(np.where(reached, distorted * factor, np.nan))
+
+
+def _angle_by_tangent(undistorted: Rows2xN) -> Vector:
+    """Angle to the axis over its tangent (n,) of rays that meet the plane in front of the camera there, (2, n)."""
+    r = np.sqrt((undistorted**2).sum(axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(r > 0, np.arctan(r) / r, 1.0))
 
 
 def undistorted_radius(

@@ -2,7 +2,7 @@
 
 Same model as `geometry`, in the units of the adjustment: pixels are centred and divided by the frame's half-diagonal, so that
 one lens serves frames of any size. A pose is a row (x, y, log_gsd, yaw, pitch, roll), a lens a row (log focal, k1, k2, shift_x,
-shift_y).
+shift_y), which are its terms, and 1 for a fisheye, else 0 (or nothing, where none is).
 """
 
 from __future__ import annotations
@@ -13,7 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gcs_mosaic.stitch.arrays import LensesNx5, Mask, Matrices, PointsNx2, PosesNx6, RowsNx3, Vector
+from gcs_mosaic.stitch.arrays import (
+    LensesNx5,
+    LensRowsNx6,
+    Mask,
+    Matrices,
+    PointsNx2,
+    PosesNx6,
+    RowsNx3,
+    Vector,
+)
 from gcs_mosaic.stitch.camera.geometry import LEAST_SLOPE, Camera, Pose, lens_reach, undistorted_radius
 
 LENS_TERMS = 5
@@ -35,13 +44,22 @@ def pose_row(pose: Pose) -> tuple[float, ...]:
     return (pose.x, pose.y, pose.log_gsd, pose.yaw, pose.pitch, pose.roll)
 
 
-def lens_row(camera: Camera) -> tuple[float, ...]:
+def lens_terms(camera: Camera) -> tuple[float, ...]:
     return (math.log(camera.focal), camera.k1, camera.k2, camera.shift_x, camera.shift_y)
 
 
-def with_lens(camera: Camera, row: ArrayLike) -> Camera:
-    """The camera with the lens of this row (5,)."""
-    log_focal, k1, k2, shift_x, shift_y = (float(value) for value in np.asarray(row))
+def lens_row(camera: Camera) -> tuple[float, ...]:
+    return (*lens_terms(camera), float(camera.fisheye))
+
+
+def lens_rows(terms: LensesNx5, fisheye: Mask) -> LensRowsNx6:
+    """Rows (c, 6) of lenses with these terms (c, 5), and which of them are fisheyes, (c,)."""
+    return np.column_stack([terms, fisheye])
+
+
+def with_lens(camera: Camera, terms: ArrayLike) -> Camera:
+    """The camera with a lens of these terms (5,), of the kind that it has."""
+    log_focal, k1, k2, shift_x, shift_y = (float(value) for value in np.asarray(terms))
     return replace(camera, focal=math.exp(log_focal), k1=k1, k2=k2, shift_x=shift_x, shift_y=shift_y)
 
 
@@ -86,7 +104,7 @@ def _turned(by_ray: Matrices, ray: RowsNx3, axes: Matrices) -> Matrices:
     return product(_many(moments), axes.transpose(0, 2, 1))
 
 
-def canvas_from_pixels(poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vector, pixels: PointsNx2) -> Projected:
+def canvas_from_pixels(poses: PosesNx6, lenses: LensRowsNx6, half_diagonals: Vector, pixels: PointsNx2) -> Projected:
     """Canvas places of pixels (m, 2), with one pose, lens and half-diagonal (m,) each."""
     poses, lenses, pixels = (np.asfortranarray(values) for values in (poses, lenses, pixels))
     rotation, axes = rotations(poses)
@@ -109,7 +127,7 @@ def canvas_from_pixels(poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vecto
 
 
 def pixels_from_canvas(
-    poses: PosesNx6, lenses: LensesNx5, half_diagonals: Vector, places: PointsNx2, heights: Vector | float = 0.0
+    poses: PosesNx6, lenses: LensRowsNx6, half_diagonals: Vector, places: PointsNx2, heights: Vector | float = 0.0
 ) -> Projected:
     """Pixels (m, 2) of canvas places (m, 2) at these heights (m,) above the plane, with one pose, lens and half-diagonal (m,)
     each."""
@@ -120,7 +138,9 @@ def pixels_from_canvas(
     ray = product(rotation.transpose(0, 2, 1), sight[:, :, None])[:, :, 0]
     depth = np.where(abs(ray[:, 2]) < 1e-6, 1e-6, ray[:, 2])
     u = ray[:, :2] / depth[:, None]
-    v, v_by_u, v_by_k = _distorted(u, lenses)
+    bent, bent_by_u = _bent(u, lenses)
+    v, v_by_bent, v_by_k = _distorted(bent, lenses)
+    v_by_u = v_by_bent if bent_by_u is None else product(v_by_bent, bent_by_u)
     focal = np.exp(lenses[:, 0])
     by_ray = product(v_by_u, _perspective_derivative(ray[:, :2], depth)) * focal[:, None, None]
     by_sight = product(by_ray, rotation.transpose(0, 2, 1))
@@ -133,9 +153,9 @@ def pixels_from_canvas(
     by_lens[:, :, 0] = by_pose[:, :, 2] + points
     by_lens[:, :, 1:3] = focal[:, None, None] * v_by_k
     by_lens[:, :, 3:] = np.eye(2)
-    within = u[:, 0] ** 2 + u[:, 1] ** 2 < lens_reach(lenses[:, 1], lenses[:, 2]) ** 2
+    within = bent[:, 0] ** 2 + bent[:, 1] ** 2 < lens_reach(lenses[:, 1], lenses[:, 2]) ** 2
     valid = (ray[:, 2] > 0.02 * height) & within
-    return Projected(points + lenses[:, 3:], by_sight[:, :, :2], by_pose, by_lens, -by_sight[:, :, 2], valid)
+    return Projected(points + lenses[:, 3:5], by_sight[:, :, :2], by_pose, by_lens, -by_sight[:, :, 2], valid)
 
 
 def _perspective_derivative(xy: PointsNx2, depth: Vector) -> Matrices:
@@ -146,7 +166,40 @@ def _perspective_derivative(xy: PointsNx2, depth: Vector) -> Matrices:
     return by
 
 
-def _distorted(u: PointsNx2, lenses: LensesNx5) -> tuple[PointsNx2, Matrices, Matrices]:
+def _bent(u: PointsNx2, lenses: LensRowsNx6) -> tuple[PointsNx2, Matrices | None]:
+    """Rays u (m, 2) as long as the angle to the axis is, of fisheyes, and the derivative (m, 2, 2); None if all are as they
+    were."""
+    if not lenses[:, LENS_TERMS:].any():
+        return u, None
+    r = np.maximum(np.hypot(u[:, 0], u[:, 1]), NO_RADIUS)
+    factor = np.arctan(r) / r
+    return _scaled(u, lenses, factor, (1 / (1 + r**2) - factor) / r**2)
+
+
+def _straightened(bent: PointsNx2, lenses: LensRowsNx6) -> tuple[PointsNx2, Matrices | None]:
+    """The inverse of `_bent`."""
+    if not lenses[:, LENS_TERMS:].any():
+        return bent, None
+    r = np.clip(np.hypot(bent[:, 0], bent[:, 1]), NO_RADIUS, WIDEST)
+    factor = np.tan(r) / r
+    return _scaled(bent, lenses, factor, (1 + np.tan(r) ** 2 - factor) / r**2)
+
+
+def _scaled(rays: PointsNx2, lenses: LensRowsNx6, factor: Vector, slope: Vector) -> tuple[PointsNx2, Matrices]:
+    """Rays (m, 2) times a factor (m,) where the lens is a fisheye, and the derivative (m, 2, 2); `slope`: of the factor by the
+    radius, over the radius."""
+    fisheye = lenses[:, LENS_TERMS] > 0
+    factor, slope = np.where(fisheye, factor, 1.0), np.where(fisheye, slope, 0.0)
+    x, y = rays.T
+    by_rays = _many([[factor + slope * x * x, slope * x * y], [slope * x * y, factor + slope * y * y]])
+    return rays * factor[:, None], by_rays
+
+
+NO_RADIUS = 1e-6  # focal lengths; nearer to the axis rays count as this far from it
+WIDEST = 1.55  # radians, 89 degrees: what a fisheye sees farther out meets no ground
+
+
+def _distorted(u: PointsNx2, lenses: LensRowsNx6) -> tuple[PointsNx2, Matrices, Matrices]:
     """Distortion of u (m, 2): the result, its derivative by u (m, 2, 2) and by k1 and k2 (m, 2, 2)."""
     k1, k2 = lenses[:, 1], lenses[:, 2]
     r2 = u[:, 0] ** 2 + u[:, 1] ** 2
@@ -164,11 +217,11 @@ def _inverse(a: Matrices) -> Matrices:
     return _many([[a11 * one_by, -a01 * one_by], [-a10 * one_by, a00 * one_by]])
 
 
-def _undistorted(pixels: PointsNx2, lenses: LensesNx5) -> tuple[PointsNx2, Matrices, Matrices, Mask]:
+def _undistorted(pixels: PointsNx2, lenses: LensRowsNx6) -> tuple[PointsNx2, Matrices, Matrices, Mask]:
     """Inverse distortion: u (m, 2), its derivatives by the pixel (m, 2, 2) and by the lens (m, 2, 5), and where it exists
     (m,)."""
     focal, k1, k2 = np.exp(lenses[:, 0]), lenses[:, 1], lenses[:, 2]
-    distorted = (pixels - lenses[:, 3:]) / focal[:, None]
+    distorted = (pixels - lenses[:, 3:5]) / focal[:, None]
     r_distorted = np.hypot(distorted[:, 0], distorted[:, 1])
     r, reached = undistorted_radius(r_distorted, k1, k2, lens_reach(k1, k2))
     u = distorted * np.where(r_distorted > 1e-12, r / np.maximum(r_distorted, 1e-12), 1.0)[:, None]
@@ -180,4 +233,8 @@ def _undistorted(pixels: PointsNx2, lenses: LensesNx5) -> tuple[PointsNx2, Matri
     by_lens[:, :, 1:3] = -product(u_by_distorted, distorted_by_k)
     by_lens[:, :, 3:] = -u_by_pixel
     exists = reached & (1 + r**2 * (3 * k1 + 5 * k2 * r**2) > LEAST_SLOPE)
+    straight, by_u = _straightened(u, lenses)
+    if by_u is not None:
+        exists &= (lenses[:, LENS_TERMS] == 0) | (r < WIDEST)
+        u, u_by_pixel, by_lens = straight, product(by_u, u_by_pixel), product(by_u, by_lens)
     return u, u_by_pixel, by_lens, exists

@@ -15,7 +15,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import PointsNx2, SquareMatrix, Vector, Vector2
 from gcs_mosaic.stitch.bundle.lens import believable
 from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, moved_by_similarity, similarity_between
-from gcs_mosaic.stitch.camera.projection import lens_row, with_lens
+from gcs_mosaic.stitch.camera.projection import lens_terms, with_lens
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
 from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
@@ -226,13 +226,14 @@ class Bridges:
 
 def _reconciled(one: Lens, other: Lens) -> Lens:
     """Mean of two lenses of a camera, weighted by information (none if never estimated). If the mean is outside the lens limits,
-    the better known one."""
+    or only one is a fisheye, the better known one."""
     if one.information is None or other.information is None:
         return other if one.information is None and other.information is not None else one
-    information = one.information + other.information
-    weighted = one.information @ lens_row(one.camera) + other.information @ lens_row(other.camera)
+    information, fisheye = one.information + other.information, np.array([one.camera.fisheye])
+    weighted = one.information @ lens_terms(one.camera) + other.information @ lens_terms(other.camera)
     mean: Vector = np.asarray(np.linalg.lstsq(information, weighted, rcond=None)[0], np.float64)
-    if not np.allclose(believable(mean[None])[0], mean, rtol=0.0, atol=SAME_LENS):
+    possible = np.allclose(believable(mean[None], fisheye)[0], mean, rtol=0.0, atol=SAME_LENS)
+    if not possible or one.camera.fisheye != other.camera.fisheye:
         return one if _known(one.information) >= _known(other.information) else other
     return Lens(with_lens(one.camera, mean), information)
 

@@ -10,7 +10,7 @@ from gcs_mosaic.stitch.arrays import Array, Indices
 from gcs_mosaic.stitch.bundle.drawn_poses import drawn_poses
 from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.camera import projection
-from gcs_mosaic.stitch.camera.projection import lens_row
+from gcs_mosaic.stitch.camera.projection import lens_row, lens_terms
 
 
 def plateau(places: Array) -> Array:
@@ -50,4 +50,4 @@ def test_a_slope_is_drawn_much_better_than_over_the_plane() -> None:
 
 
 def with_true_lens(problem: Problem) -> Problem:
-    return replace(problem, lenses=np.array([lens_row(CAMERA)]))
+    return replace(problem, lenses=np.array([lens_terms(CAMERA)]))

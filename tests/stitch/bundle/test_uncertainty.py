@@ -43,7 +43,7 @@ def true_matches(poses: Array, per_pair: int = 24) -> Problem:
                 pairs.append((i, j))
                 a.append(pixels[inside])
                 b.append(other[inside])
-    return problem_of(CAMERA, poses, projection.lens_row(CAMERA), pairs, a, b)
+    return problem_of(CAMERA, poses, projection.lens_terms(CAMERA), pairs, a, b)
 
 
 def measured(problem: Problem, noise_px: float, rng: np.random.Generator) -> Problem:

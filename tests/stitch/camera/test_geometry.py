@@ -85,6 +85,18 @@ def test_how_far_a_lens_reaches(k1: float, k2: float, reach: float) -> None:
     assert (np.diff(along) > 0).all()
 
 
+@pytest.mark.parametrize("lens", [(1.04, 0.0, 0.0), (0.77, 0.0, 0.0), (0.65, 0.08, 0.008), (0.9, -0.04, 0.001)])
+def test_a_fisheye_bends_the_angles_to_its_axis(lens: tuple[float, float, float]) -> None:
+    camera = Camera(4000, 3000, *lens, fisheye=True)
+    angles = np.linspace(0, 1.3, 50)
+    rays = np.stack([np.zeros(50), np.tan(angles)])
+    along = geometry.distort(camera, rays)
+    assert np.allclose(along[1], angles * (1 + camera.k1 * angles**2 + camera.k2 * angles**4))
+    assert np.allclose(geometry.undistort(camera, along), rays, rtol=1e-6)
+    beyond = geometry.undistort(camera, np.array([[0.0], [2.2]]))
+    assert np.isnan(beyond).all()  # more than 90 degrees from the axis
+
+
 @given(poses, st.floats(0.5, 2), st.floats(-3, 3))
 def test_moving_a_pose_moves_all_it_sees(pose: Pose, scale: float, angle: float) -> None:
     camera, shift = Camera(4000, 3000, 1.4, -0.05), np.array([300.0, -70.0])

@@ -85,6 +85,7 @@ def where(placements: Iterable[Placement], name: str) -> tuple[Pose, Camera]:
 
 
 @pytest.mark.long
+@pytest.mark.thorough
 def test_a_slow_drift_does_not_add_up(ground: Image) -> None:
     """One per cent of a picture a frame: each is judged against its keyframe, and every third is one."""
     poses = moved_along(31, 0.01 * WIDTH)
