@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matched_frames import problem_of
 
 from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.bundle import lens_kind
@@ -15,7 +16,6 @@ from gcs_mosaic.stitch.bundle.problem import Problem
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Camera, Pose
 from gcs_mosaic.stitch.camera.projection import lens_terms, with_lens
-from tests.stitch.matched_frames import problem_of
 
 SIZE = 4000, 3000
 FISHEYES = {
