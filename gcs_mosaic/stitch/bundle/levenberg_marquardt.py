@@ -164,10 +164,14 @@ def _doubtful(state: _State, evidence: LensEvidence | None, settings: Adjustment
 def _at_prior(state: _State, settings: AdjustmentSettings, terms: Mask) -> _State:
     """The state with these terms (c, 5) of the lenses at their prior and held there.
 
-    What matches determine on flat ground is tilt over focal length, so tilts change with it.
+    What matches determine on flat ground is tilt over focal length, so tilts change with it; and how far pixels are displaced,
+    so the distortion, which is told by angles, does as well.
     """
     problem, (mean, sigma) = state.problem, _lens_prior(state)
-    lenses = believable(np.where(terms, mean, problem.lenses))
+    shorter = np.where(terms, mean, problem.lenses)[:, :1] - problem.lenses[:, :1]
+    as_seen = problem.lenses.copy()
+    as_seen[:, 1:3] *= np.exp(shorter * DEGREES)
+    lenses = believable(np.where(terms, mean, as_seen))
     weights = _lens_weights(state) + np.eye(LENS_TERMS) * np.where(terms, HELD / sigma**2, 0.0)[:, None]
     poses = problem.poses.copy()
     poses[problem.free, 4:] *= np.exp(lenses[:, 0] - problem.lenses[:, 0])[problem.camera[problem.free], None]
@@ -194,6 +198,7 @@ def _lens_weights(state: _State) -> Matrices:
 
 LITTLE_MOVED = 0.1  # standard deviations of a lens; half or twice as much gives the same map
 OPEN_ON_FLAT_GROUND = np.array([True, False, False, True, True])  # of a lens' terms: focal length and principal point
+DEGREES = np.array([2.0, 4.0])  # of the radial terms, in the tangent of the angle
 FAR = 2.0  # standard deviations of the prior
 HELD = 1e6  # weight of a prior that holds a term, relative to its own
 
