@@ -282,10 +282,33 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
             stopped |= (problem.lenses != lenses).any(axis=1)
             problem = without_leaps(problem, state.problem.poses)
             candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
-            if candidate.cost < state.cost:
+            candidate = _with_frames_held(candidate, state, settings)
+            if candidate.cost < state.cost and not _turned_away(candidate, state).any():
                 return replace(candidate, steps=state.steps + 1, stopped_lenses=stopped), max(damping / 5, 1e-9)
         damping *= 8
     return replace(state, stopped_lenses=stopped), damping
+
+
+def _with_frames_held(candidate: _State, before: _State, settings: AdjustmentSettings) -> _State:
+    """The state after a step, with frames that it turns away where they were: they do not keep the others from being adjusted."""
+    away = _turned_away(candidate, before)
+    if not away.any():
+        return candidate
+    poses = np.where(away[:, None], before.problem.poses, candidate.problem.poses)
+    return _evaluate(replace(candidate.problem, poses=poses), settings, before.discounts, before.normal.layout)
+
+
+def _turned_away(after: _State, before: _State) -> Mask:
+    """Frames (n,) that a step leaves with most of their matches where nothing is seen, beyond a horizon or where a lens folds: no
+    gradient leads back from there."""
+    return _sees_nothing(after) & ~_sees_nothing(before)
+
+
+def _sees_nothing(state: _State) -> Mask:
+    problem = state.problem
+    of_pairs = np.isinf(state.residuals_px).sum(axis=1), problem.present.sum(axis=1)
+    lost, all_of_them = (np.bincount(problem.pairs.ravel(), ones.repeat(2), len(problem.poses)) for ones in of_pairs)
+    return np.asarray(lost > all_of_them / 2)
 
 
 LOG_GSD = 2  # place in a pose
