@@ -164,10 +164,14 @@ def _doubtful(state: _State, evidence: LensEvidence | None, settings: Adjustment
 def _at_prior(state: _State, settings: AdjustmentSettings, terms: Mask) -> _State:
     """The state with these terms (c, 5) of the lenses at their prior and held there.
 
-    What matches determine on flat ground is tilt over focal length, so tilts change with it.
+    What matches determine on flat ground is tilt over focal length, so tilts change with it; and how far pixels are displaced,
+    so the distortion, which is told by angles, does as well.
     """
     problem, (mean, sigma) = state.problem, _lens_prior(state)
-    lenses = believable(np.where(terms, mean, problem.lenses), problem.fisheye)
+    shorter = np.where(terms, mean, problem.lenses)[:, :1] - problem.lenses[:, :1]
+    as_seen = problem.lenses.copy()
+    as_seen[:, 1:3] *= np.exp(shorter * DEGREES)
+    lenses = believable(np.where(terms, mean, as_seen), problem.fisheye)
     weights = _lens_weights(state) + np.eye(LENS_TERMS) * np.where(terms, HELD / sigma**2, 0.0)[:, None]
     poses = problem.poses.copy()
     poses[problem.free, 4:] *= np.exp(lenses[:, 0] - problem.lenses[:, 0])[problem.camera[problem.free], None]
@@ -194,6 +198,7 @@ def _lens_weights(state: _State) -> Matrices:
 
 LITTLE_MOVED = 0.1  # standard deviations of a lens; half or twice as much gives the same map
 OPEN_ON_FLAT_GROUND = np.array([True, False, False, True, True])  # of a lens' terms: focal length and principal point
+DEGREES = np.array([2.0, 4.0])  # of the radial terms, in the tangent of the angle
 FAR = 2.0  # standard deviations of the prior
 HELD = 1e6  # weight of a prior that holds a term, relative to its own
 
@@ -277,10 +282,33 @@ def _descend(state: _State, settings: AdjustmentSettings, damping: float, run: R
             stopped |= (problem.lenses != lenses).any(axis=1)
             problem = without_leaps(problem, state.problem.poses)
             candidate = _evaluate(problem, settings, state.discounts, state.normal.layout)
-            if candidate.cost < state.cost:
+            candidate = _with_frames_held(candidate, state, settings)
+            if candidate.cost < state.cost and not _turned_away(candidate, state).any():
                 return replace(candidate, steps=state.steps + 1, stopped_lenses=stopped), max(damping / 5, 1e-9)
         damping *= 8
     return replace(state, stopped_lenses=stopped), damping
+
+
+def _with_frames_held(candidate: _State, before: _State, settings: AdjustmentSettings) -> _State:
+    """The state after a step, with frames that it turns away where they were: they do not keep the others from being adjusted."""
+    away = _turned_away(candidate, before)
+    if not away.any():
+        return candidate
+    poses = np.where(away[:, None], before.problem.poses, candidate.problem.poses)
+    return _evaluate(replace(candidate.problem, poses=poses), settings, before.discounts, before.normal.layout)
+
+
+def _turned_away(after: _State, before: _State) -> Mask:
+    """Frames (n,) that a step leaves with most of their matches where nothing is seen, beyond a horizon or where a lens folds: no
+    gradient leads back from there."""
+    return _sees_nothing(after) & ~_sees_nothing(before)
+
+
+def _sees_nothing(state: _State) -> Mask:
+    problem = state.problem
+    of_pairs = np.isinf(state.residuals_px).sum(axis=1), problem.present.sum(axis=1)
+    lost, all_of_them = (np.bincount(problem.pairs.ravel(), ones.repeat(2), len(problem.poses)) for ones in of_pairs)
+    return np.asarray(lost > all_of_them / 2)
 
 
 LOG_GSD = 2  # place in a pose

@@ -193,23 +193,43 @@ def test_matches_much_worse_than_expected_are_not_believed_about_the_lens() -> N
     assert np.sqrt(np.mean(np.square(off))) < 0.5 * settings.focal_prior_log_sigma
 
 
+@pytest.mark.parametrize(
+    ("place", "leap", "apart"), [(adjustment.LOG_GSD, -800.0, 500.0), (adjustment.TILT[0], 1.7, 2.0)]
+)
 def test_a_frame_whose_matches_contradict_each_other_is_not_thrown_out_of_sight(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, place: int, leap: float, apart: float
 ) -> None:
-    """Where nothing is seen wrong matches cost less; a scale of nought was the end of the flight."""
+    """Where nothing is seen wrong matches cost less; a scale of nought was the end of the flight, and who looks beyond the
+    horizon is led back by no gradient."""
     monkeypatch.setattr(sys.modules[__name__], "RNG", np.random.default_rng(3))
     poses, settings = flight(1, 3), AdjustmentSettings()
     problem = replace(matches(poses, noise_px=1.0), poses=poses)
     of_first = (problem.pairs == 0).any(axis=1)
     wrong = problem.pixels_a.copy()
-    wrong[of_first] = RNG.uniform(-500.0, 500.0, wrong[of_first].shape)
+    wrong[of_first] = RNG.uniform(-apart, apart, wrong[of_first].shape)
     state = adjustment._first_state(replace(problem, pixels_a=wrong), settings)
-    leap = np.zeros_like(state.gradient)
-    leap[state.normal.layout.frames[0], adjustment.LOG_GSD] = -800.0
-    gone = adjustment.stepped(state.problem, state.normal.layout, leap)
+    step = np.zeros_like(state.gradient)
+    step[state.normal.layout.frames[0], place] = leap
+    gone = adjustment.stepped(state.problem, state.normal.layout, step)
     assert adjustment._evaluate(gone, settings, state.discounts, state.normal.layout).cost < state.cost
-    monkeypatch.setattr(adjustment, "solve", lambda *_: leap)
+    monkeypatch.setattr(adjustment, "solve", lambda *_: step)
     stays, damping = adjustment._descend(state, settings, 1e-6, map)
     assert stays.steps == state.steps
     assert (stays.problem.poses == state.problem.poses).all()
     assert damping > 1e-6
+
+
+def test_a_lens_put_back_to_an_ordinary_focal_length_shows_what_it_showed() -> None:
+    """Else the little that a long lens bends is a fisheye's in an ordinary one, and frames lose sight of their matches."""
+    truth, settings, longer = flight(2, 4), AdjustmentSettings(), 6.4 / CAMERA.focal
+    known = np.array([projection.lens_row(CAMERA)])
+    known[:, 0] += np.log(longer)
+    known[:, 1:3] *= longer ** np.array([2.0, 4.0])
+    state = adjustment._first_state(replace(matches(truth, noise_px=2.0), lenses=known), settings)
+    back = adjustment._at_prior(state, settings, adjustment.OPEN_ON_FLAT_GROUND[None])
+    assert np.exp(back.problem.lenses[0, 0]) == pytest.approx(settings.focal_prior)
+    before, after = (
+        one.problem.lenses[0, 1:3] * np.exp(one.problem.lenses[0, 0] * np.array([-2.0, -4.0])) for one in (state, back)
+    )
+    assert after == pytest.approx(before)
+    assert np.isfinite(back.residuals_px[state.problem.present]).all()
