@@ -216,6 +216,13 @@ def test_what_is_known_of_one_term_only_weighs_only_there() -> None:
     assert found.k1 == pytest.approx(-0.15)
 
 
+def test_a_fisheye_and_another_lens_have_no_mean() -> None:
+    few, many = known(1.9, -0.1, 1.0), known(1.4, -0.05, 9.0)
+    fisheye = replace(few, camera=replace(few.camera, fisheye=True))
+    assert _reconciled(fisheye, many) is many
+    assert _reconciled(many, fisheye) is many
+
+
 def test_a_lens_that_was_never_estimated_weighs_nothing() -> None:
     known_lens, guessed = known(1.9, -0.2, 1.0), Lens(Camera(640, 480))
     assert _reconciled(known_lens, guessed) is known_lens
@@ -299,6 +306,13 @@ def test_a_lens_that_changes_moves_its_camera_on_its_island_and_no_other() -> No
 def test_ordinary_lenses_are_left_alone(focal: float, k1: float, k2: float) -> None:
     given = np.array([[np.log(focal), k1, k2, 0.01, -0.02]])
     assert np.array_equal(lens.believable(given), given)
+
+
+def test_a_stereographic_fisheye_of_160_degrees_is_left_alone() -> None:
+    """What moves its corners outward is only believed of a fisheye."""
+    given = np.array([[np.log(0.6), 0.083, 0.008, 0.0, 0.0]])
+    assert np.array_equal(lens.believable(given, np.array([True])), given)
+    assert not np.array_equal(lens.believable(given), given)
 
 
 @pytest.mark.parametrize(
