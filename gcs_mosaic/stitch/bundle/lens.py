@@ -10,7 +10,7 @@ import numpy as np
 from gcs_mosaic.stitch.arrays import LensesNx5, Mask, SquareMatrix, Vector
 from gcs_mosaic.stitch.camera.geometry import lens_reach
 
-# Half-diagonals. A fisheye of 127 degrees across its diagonal has 0.5, a survey camera with 135 mm on 35 mm film 6.24.
+# Half-diagonals. A lens of 127 degrees across its diagonal has 0.5, a survey camera with 135 mm on 35 mm film 6.24.
 SHORTEST_FOCAL, LONGEST_FOCAL = 0.5, 6.5
 # Displacement of a corner by the two radial terms, relative to its radius. Wide action cameras shrink it by a third and more;
 # no lens is made that pushes it outward by more than a twentieth.
@@ -28,8 +28,7 @@ def believable(lenses: LensesNx5, fisheye: Mask | None = None) -> LensesNx5:
     """The nearest lenses (c, 5) that a camera can have; unchanged where already possible. `fisheye`: which are, (c,)."""
     found = lenses.copy()
     found[:, 0] = np.clip(found[:, 0], np.log(SHORTEST_FOCAL), np.log(LONGEST_FOCAL))
-    corner = np.exp(-found[:, 0])
-    shift = found[:, 1] * corner**2 + found[:, 2] * corner**4
+    corner, shift = np.exp(-found[:, 0]), corner_shifts(found)
     outward = MOST_PINCUSHION if fisheye is None else np.where(fisheye, MOST_OF_FISHEYES, MOST_PINCUSHION)
     most = np.where(shift > 0, outward, MOST_BARREL)
     found[:, 1:3] *= np.minimum(1.0, most / np.maximum(abs(shift), 1e-12))[:, None]
@@ -37,6 +36,12 @@ def believable(lenses: LensesNx5, fisheye: Mask | None = None) -> LensesNx5:
         folds = lens_reach(found[:, 1], found[:, 2]) < REACH * corner
         found[folds, 1:3] *= 0.8
     return found
+
+
+def corner_shifts(lenses: LensesNx5) -> Vector:
+    """Displacement (c,) of a frame's corner by the two radial terms, relative to its radius; negative towards the middle."""
+    corner = np.exp(-lenses[:, 0])
+    return np.asarray(lenses[:, 1] * corner**2 + lenses[:, 2] * corner**4)
 
 
 FOLDING_STEPS = 20  # each removes a fifth of the distortion: what remains folds nothing

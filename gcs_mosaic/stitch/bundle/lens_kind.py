@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Array, LensesNx5, Mask, Vector
+from gcs_mosaic.stitch.arrays import Array, Mask, Vector
+from gcs_mosaic.stitch.bundle.lens import corner_shifts
 from gcs_mosaic.stitch.bundle.levenberg_marquardt import AdjustmentSettings, Solution, adjust, any_lens, cost_of
 from gcs_mosaic.stitch.bundle.normal_equations import Run
 from gcs_mosaic.stitch.bundle.problem import Problem
@@ -28,39 +28,33 @@ SAMPLES = 48  # radii from the middle of a frame to its corner
 def through_likelier_lenses(
     problem: Problem, solution: Solution, settings: AdjustmentSettings, run: Run = map
 ) -> tuple[Solution, Mask]:
-    """The solution, or that of the same frames through lenses of the other kind if that fits clearly better, and which of its
-    lenses are fisheyes, (c,)."""
+    """The solution, or that of the same frames through lenses of the other kind where that fits clearly better, and which of its
+    lenses are fisheyes, (c,). One lens after the other: those of several cameras may be of both kinds."""
     fisheye = np.zeros(len(problem.lenses), bool) if problem.fisheye is None else problem.fisheye
-    doubtful = fisheye | solution.refused | _is_wide(solution.lenses)
-    doubtful &= np.bincount(problem.camera, minlength=len(fisheye)) >= LEAST_FRAMES
-    if not problem.lens_free or not doubtful.any():
+    if not problem.lens_free:
         return solution, fisheye
-    other = _otherwise(problem, solution, doubtful, fisheye, settings)
-    found = adjust(other, settings, run)
-    costs = cost_of(problem, solution, settings), cost_of(other, found, settings)
-    enough = FAR_LIKELIER if (solution.refused & doubtful).any() else LIKELIER
-    if costs[1] < enough * costs[0] and not (found.refused & doubtful).any():
-        assert other.fisheye is not None, "just set"
-        return found, other.fisheye
+    problem = replace(problem, fisheye=fisheye, lens_prior=_prior(problem, settings))
+    doubtful = fisheye | solution.refused | (corner_shifts(solution.lenses) < -WIDE)
+    doubtful &= np.bincount(problem.camera, minlength=len(fisheye)) >= LEAST_FRAMES
+    for number in np.flatnonzero(doubtful).tolist():
+        other = _otherwise(problem, solution, number, settings)
+        found = adjust(other, settings, run)
+        costs = cost_of(problem, solution, settings), cost_of(other, found, settings)
+        enough = FAR_LIKELIER if solution.refused[number] else LIKELIER
+        if costs[1] < enough * costs[0] and not found.refused[number]:
+            problem, solution, fisheye = other, found, fisheye ^ (np.arange(len(fisheye)) == number)
     return solution, fisheye
 
 
-def _is_wide(lenses: LensesNx5) -> Mask:
-    corner = np.exp(-lenses[:, 0])
-    return np.asarray(lenses[:, 1] * corner**2 + lenses[:, 2] * corner**4 < -WIDE)
-
-
-def _otherwise(
-    problem: Problem, solution: Solution, doubtful: Mask, fisheye: Mask, settings: AdjustmentSettings
-) -> Problem:
-    """The problem as solved, with these lenses (c,) as the other kind; what other islands know of them as this one says nothing
-    of that."""
-    lenses, prior = solution.lenses.copy(), _prior(problem, settings).copy()
-    for number in np.flatnonzero(doubtful).tolist():
-        lenses[number] = as_other_kind(with_lens(Camera(1, 1, fisheye=bool(fisheye[number])), lenses[number]))
-        prior[:, number] = any_lens(settings)
-    kinds = fisheye ^ doubtful
-    return replace(problem, poses=solution.poses, lenses=lenses, fisheye=kinds, lens_prior=prior, lens_weights=None)
+def _otherwise(problem: Problem, solution: Solution, number: int, settings: AdjustmentSettings) -> Problem:
+    """The problem as solved, with this lens as one of the other kind, of which other islands say nothing."""
+    assert problem.fisheye is not None, "filled in"
+    assert problem.lens_prior is not None, "filled in"
+    fisheye, lenses, prior = problem.fisheye.copy(), solution.lenses.copy(), problem.lens_prior.copy()
+    lenses[number] = as_other_kind(with_lens(Camera(1, 1, fisheye=bool(fisheye[number])), lenses[number]))
+    fisheye[number] ^= True
+    prior[:, number] = any_lens(settings)
+    return replace(problem, poses=solution.poses, lenses=lenses, fisheye=fisheye, lens_prior=prior, lens_weights=None)
 
 
 def _prior(problem: Problem, settings: AdjustmentSettings) -> Array:
@@ -80,5 +74,4 @@ def as_other_kind(camera: Camera) -> Vector:
     by_terms = np.stack([radii**3, radii**5], axis=1)
     terms = lens_terms(camera)
     found = np.linalg.lstsq(by_terms, distorted - radii, rcond=None)[0] if len(radii) > 2 else np.zeros(2)
-    assert all(map(math.isfinite, found)), "finite radii"
     return np.array([terms[0], *found, *terms[3:]])

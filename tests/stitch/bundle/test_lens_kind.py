@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,6 +90,29 @@ def test_one_that_was_taken_for_a_fisheye_is_given_back() -> None:
     solution, fisheye = solved(taken)
     assert not fisheye
     assert shown_apart_px(with_lens(camera, solution.lenses[0]), camera) < 6
+
+
+@pytest.mark.long
+def test_of_two_cameras_each_has_its_kind() -> None:
+    """A fisheye and an action camera that is none, on one island: as one kind, neither would be right."""
+    cameras = FISHEYES["150 degrees"], OTHERS["action camera"]
+    both = together(*(survey(camera, 1) for camera in cameras))
+    settings = AdjustmentSettings()
+    solution, fisheye = through_likelier_lenses(both, adjust(both, settings), settings)
+    assert fisheye.tolist() == [True, False]
+    for camera, lens in zip(cameras, solution.lenses, strict=True):
+        assert shown_apart_px(with_lens(camera, lens), camera) < 6
+
+
+def together(one: Problem, other: Problem) -> Problem:
+    """The problem of both, of two cameras."""
+    frames = len(one.poses)
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(one, name), getattr(other, name)])
+        for name in ("poses", "lenses", "half_diagonal", "unit_px", "pixels_a", "pixels_b", "present", "free")
+    }
+    pairs, camera = [one.pairs, other.pairs + frames], [one.camera, other.camera + 1]
+    return replace(one, **joined, pairs=np.concatenate(pairs), camera=np.concatenate(camera))
 
 
 def shown_apart_px(one: Camera, other: Camera) -> float:
