@@ -222,7 +222,7 @@ def test_a_frame_whose_matches_contradict_each_other_is_not_thrown_out_of_sight(
 def test_a_lens_put_back_to_an_ordinary_focal_length_shows_what_it_showed() -> None:
     """Else the little that a long lens bends is a fisheye's in an ordinary one, and frames lose sight of their matches."""
     truth, settings, longer = flight(2, 4), AdjustmentSettings(), 6.4 / CAMERA.focal
-    known = np.array([projection.lens_row(CAMERA)])
+    known = np.array([projection.lens_terms(CAMERA)])
     known[:, 0] += np.log(longer)
     known[:, 1:3] *= longer ** np.array([2.0, 4.0])
     state = adjustment._first_state(replace(matches(truth, noise_px=2.0), lenses=known), settings)
