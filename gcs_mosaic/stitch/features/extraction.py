@@ -25,6 +25,7 @@ from gcs_mosaic.stitch.arrays import (
     Descriptors,
     FaintImage,
     FloatImage,
+    FloatRows,
     ImageGrey,
     Mask,
     Points32Nx2,
@@ -37,6 +38,7 @@ from gcs_mosaic.stitch.camera.still_mask import StillMask
 from gcs_mosaic.stitch.features.detectors import FeatureKind, Found, detect, rounded
 from gcs_mosaic.stitch.features.faint import HALF, detect_faint, equalised, faint_picture, is_noise
 from gcs_mosaic.stitch.features.learned import FINE_BLUR, LearnedDetector, UnusableModel, read_detector
+from gcs_mosaic.stitch.features.looks import looks
 from gcs_mosaic.stitch.features.sharpness import sharpness
 from gcs_mosaic.stitch.features.shelf import Shelve, Shelved, at_hand, exactly
 from gcs_mosaic.stitch.features.still import masked
@@ -91,6 +93,7 @@ class Features:
     learned: Features | None = None  # of a model, if one is given: where these propose nothing
     shows_nothing: bool = False  # see `structure`; then there are none
     area: PictureArea | None = None  # where the frame holds a picture, and features are; None: everywhere
+    looks: FloatRows | None = None  # of its cells, see `looks`
 
     def __len__(self) -> int:
         return self.kept_points.shape[0]
@@ -145,7 +148,7 @@ def extract(image: Bands, settings: FeatureSettings, reduction: int = 1) -> Feat
         return replace(_no_features(settings, width, height, width / small.shape[1]), shows_nothing=True)
     found = detect(small, settings.kind, settings.count, settings.contrast)
     features = _features(found, settings, width, height, width / small.shape[1])
-    features = replace(features, sharpness=sharpness(image), kept_texture=texture(mean))
+    features = replace(features, sharpness=sharpness(image), kept_texture=texture(mean), looks=looks(image, mean))
     least = settings.count if is_noise(small) else min(settings.faint_below, settings.count)
     if settings.kind != "sift" or len(features) >= least:
         return _with_learned(features, small, 1, settings)

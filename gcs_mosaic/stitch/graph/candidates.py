@@ -16,10 +16,12 @@ from gcs_mosaic.stitch.camera.geometry import Camera, Pose, View, canvas_from_pi
 from gcs_mosaic.stitch.features.extraction import Features
 from gcs_mosaic.stitch.graph import neighbours
 from gcs_mosaic.stitch.graph.observer import Observer
+from gcs_mosaic.stitch.graph.silent_ground import note_found_again, telling
 from gcs_mosaic.stitch.graph.view_graph import NOWHERE, ViewGraph, box_of, centres
 from gcs_mosaic.stitch.registration.agreement import PixelPair
 from gcs_mosaic.stitch.registration.by_pixels import should_have_matched
-from gcs_mosaic.stitch.registration.frame_pair import MatchPart
+from gcs_mosaic.stitch.registration.confirmation import borne_out_where_telling
+from gcs_mosaic.stitch.registration.frame_pair import ALL, MatchPart
 from gcs_mosaic.stitch.registration.outcome import NO_PIXELS, NotRegistered, Registration
 from gcs_mosaic.stitch.registration.proposals import Proposal
 from gcs_mosaic.stitch.registration.registration import register
@@ -77,6 +79,7 @@ class Search:
                 tried.add(other)
                 registration = compared[other] if other in compared else self.register(frame, other)
                 if registration is not None:
+                    note_found_again(self._graph, frame, other, registration)
                     yield other, registration
 
     def _candidates(self, frame: int, last: int) -> Iterator[int]:
@@ -96,7 +99,7 @@ class Search:
         part_a, part_b = (MatchPart(again=self._graph.matched_before(f)) for f in (frame, other))
         expected, in_sequence = self._by_last_motion(a, other), _in_sequence(frame, other)
         found = register(a, b, self._registration, part_a, part_b, expected, in_sequence=in_sequence)
-        return self._told(frame, other, found)
+        return self._told(frame, other, self._heard(frame, a, other, found, part_a, part_b))
 
     def register_as(self, frame: int, a: Features, other: int, b: Features) -> Registration | None:
         """Register two frames by other features than the graph has of them."""
@@ -108,7 +111,7 @@ class Search:
         expected = self._by_last_motion(features, other)
         b, in_sequence = self._graph.frames[other].features, _in_sequence(len(self._graph.frames), other)
         found = register(features, b, self._registration, part_b=part, expected=expected, in_sequence=in_sequence)
-        return self._told_of(name, other, found)
+        return self._told_of(name, other, self._heard(None, features, other, found, ALL, part))
 
     def neighbour_links(
         self, frame: int, pose: Pose, island: int, most: int | None = None
@@ -191,7 +194,30 @@ class Search:
         part_b = MatchPart(seen_b, graph.matched_before(other))
         expected = homography_between(view_a, view_b)
         proposals = [] if expected is None else [Proposal(expected, BY_POSE)]
-        return register(a, b, self._registration, part_a, part_b, proposals)
+        found = register(a, b, self._registration, part_a, part_b, proposals)
+        return self._heard(frame, a, other, found, part_a, part_b)
+
+    def _heard(
+        self,
+        frame: int | None,
+        features: Features,
+        other: int,
+        found: Registration | NotRegistered,
+        part: MatchPart,
+        part_of_other: MatchPart,
+    ) -> Registration | NotRegistered:
+        """Without the witness of ground that is never found again, of frames that it contradicts."""
+        if isinstance(found, Registration):
+            return found
+        graph, b = self._graph, self._features_of(other)
+        return borne_out_where_telling(
+            found,
+            features,
+            b,
+            self._registration,
+            (part, part_of_other),
+            lambda: (telling(graph, features, frame), telling(graph, b, frame)),
+        )
 
     def _by_last_motion(self, features: Features, other: int) -> list[Proposal]:
         """Where a frame should lie on the one placed last if the aircraft went on as it did between the two before."""
@@ -211,6 +237,8 @@ class Search:
         return self._graph.frames[frame].features
 
     def _told(self, frame: int, other: int, found: Registration | NotRegistered) -> Registration | None:
+        if isinstance(found, Registration):
+            note_found_again(self._graph, frame, other, found)
         return self._told_of(self._graph.frames[frame].name, other, found)
 
     def _told_of(self, name: str, other: int, found: Registration | NotRegistered) -> Registration | None:

@@ -6,7 +6,7 @@ they see the same ground as this frame, at similar resolution, some match must c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -21,25 +21,52 @@ from gcs_mosaic.stitch.camera.geometry import (
     pixel_grid,
     pixels_from_canvas,
 )
+from gcs_mosaic.stitch.features.looks import COLUMNS, ROWS
+from gcs_mosaic.stitch.graph.silent_ground import COMPARABLE, silent_cells
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
-from gcs_mosaic.stitch.registration.a_contrario import Confirmed
+from gcs_mosaic.stitch.registration.a_contrario import Confirmed, log_odds
+from gcs_mosaic.stitch.registration.outcome import Registration
 
-COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features over textured ground
-COMPARABLE = 3  # features below which a cell is ignored
+EVERYWHERE = np.True_
 SHARPER = 2.0  # ratio of resolutions; SIFT bridges more, but with fewer and fewer matches
 
 
+def odds_around(
+    graph: ViewGraph, frame: int, pose: Pose, island: int, links: Mapping[int, Registration | None], least: float
+) -> tuple[Confirmed, float]:
+    """What of a frame at this pose is confirmed by others of an island, which it was compared with, and the log10 likelihood
+    ratio of a true pose to a look-alike; where that is less than `least`, ground that is never found again is left out."""
+    matched = [link.agreeing_a for link in links.values() if link is not None]
+    found = confirmed_around(graph, frame, pose, island, list(links), matched)
+    odds = log_odds(found, graph.true_share)
+    if odds >= least:
+        return found, odds
+    silent = silent_cells(graph, graph.frames[frame].features, frame)
+    if silent.any():
+        telling = confirmed_around(graph, frame, pose, island, list(links), matched, ~silent)
+        if telling.cells >= ENOUGH_CELLS:
+            return telling, log_odds(telling, graph.true_share)
+    return found, odds
+
+
 def confirmed_around(
-    graph: ViewGraph, frame: int, pose: Pose, island: int, others: Sequence[int], matched: Iterable[PointsNx2]
+    graph: ViewGraph,
+    frame: int,
+    pose: Pose,
+    island: int,
+    others: Sequence[int],
+    matched: Iterable[PointsNx2],
+    asked: Mask | np.bool_ = EVERYWHERE,
 ) -> Confirmed:
     """Share of the cells common to the frame at this pose and other frames of an island that matches confirm: of cells with
     features matched before if they suffice, else of all commonly seen cells.
 
-    matched: the frame's full-resolution pixels (m, 2) that were matched with any of them.
+    matched: the frame's full-resolution pixels (m, 2) that were matched with any of them; `asked`: cells (ROWS * COLUMNS,) that
+    are looked at.
     """
     camera = graph.camera_on(island, graph.frames[frame].camera)
     agreeing = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
-    full = _full_cells(graph, frame, camera)
+    full = _full_cells(graph, frame, camera) & asked
     expected = full & _matched_before_by_any(graph, frame, pose, camera, others)
     if expected.sum() < ENOUGH_CELLS:
         expected = full & _seen_by_any(graph, pose, camera, others)

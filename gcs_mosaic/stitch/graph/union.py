@@ -72,6 +72,7 @@ def _add_comparisons(graph: ViewGraph, other: ViewGraph, first: int) -> None:
     graph.links |= {(a + first, b + first): link for (a, b), link in other.links.items()}
     graph.compared |= {(a + first, b + first): poses for (a, b), poses in other.compared.items()}
     graph.looked_again |= {(a + first, b + first) for a, b in other.looked_again}
+    graph.found_again |= {(a + first, b + first): cells for (a, b), cells in other.found_again.items()}
     graph.bridges += [Bridge(one.frame_a + first, one.frame_b + first, one.registration) for one in other.bridges]
 
 

@@ -146,6 +146,8 @@ class ViewGraph(Kept):
         self.asked_when: tuple[int, int, int] | None = None  # selected at this state of knowledge
         # Around accepted frames: number of cells that should have been confirmed, and that were.
         self.cells_expected, self.cells_confirmed = FIRST_CELLS, FIRST_CELLS * FIRST_SHARE
+        # By pairs of matched frames, the latest last: which of the first's cells the other should show, and which agree, as bits.
+        self.found_again: dict[tuple[int, int], tuple[bytes, bytes]] = {}
         self.waiting = WaitingFrames()
         self.retrieval = RetrievalIndex(shelve)
         self.last_placed = 0  # where the search for the next frame begins

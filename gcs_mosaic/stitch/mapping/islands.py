@@ -18,9 +18,9 @@ from gcs_mosaic.stitch.camera.geometry import canvas_from_pixels, moved_by_simil
 from gcs_mosaic.stitch.camera.projection import lens_terms, with_lens
 from gcs_mosaic.stitch.graph.candidates import Search
 from gcs_mosaic.stitch.graph.neighbours import boxes_meet, boxes_shared
-from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
+from gcs_mosaic.stitch.graph.overlap_check import odds_around
 from gcs_mosaic.stitch.graph.view_graph import Bridge, CameraNumber, Lens, ViewGraph, box_of, centres
-from gcs_mosaic.stitch.registration.a_contrario import SAMPLE, log_odds
+from gcs_mosaic.stitch.registration.a_contrario import SAMPLE
 
 Similarity = tuple[float, float, Vector2]  # scale, angle in radians, shift (2,)
 
@@ -141,9 +141,8 @@ class Bridges:
             links = self._search.thorough.neighbour_links(witness, pose, stays, PAIRS_PER_WITNESS)
             links |= {bridge.frame_a: bridge.registration.turned() for bridge in known if bridge.frame_b == witness}
             matched = {other: link for other, link in links.items() if link is not None}
-            pixels = [link.agreeing_a for link in matched.values()]
-            around = confirmed_around(graph, witness, pose, stays, list(links), pixels)
-            odds.append(log_odds(around, graph.true_share) if around.cells >= TELLING_CELLS else 0.0)
+            around, of_witness = odds_around(graph, witness, pose, stays, links, 0.0)
+            odds.append(of_witness if around.cells >= TELLING_CELLS else 0.0)
             if odds[-1] < 0:
                 odds[-1] += self._search.pixels_bear_out(witness, pose, stays, links)
             if odds[-1] < 0:

@@ -15,9 +15,8 @@ from gcs_mosaic.stitch.bundle.relief import note_relief
 from gcs_mosaic.stitch.camera import geometry
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.graph.candidates import Search
-from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
+from gcs_mosaic.stitch.graph.overlap_check import odds_around
 from gcs_mosaic.stitch.graph.view_graph import LENS_KNOWN, ViewGraph
-from gcs_mosaic.stitch.registration.a_contrario import log_odds
 from gcs_mosaic.stitch.registration.outcome import Registration
 from gcs_mosaic.stitch.transaction import attempt
 
@@ -87,12 +86,11 @@ class Placing:
         self, frame: int, pose: Pose, island: int, links: Mapping[int, Registration | None]
     ) -> Pose | Disbelief:
         """The pose, if the frame confirms what the other frames see around it, by keypoints or by pixels."""
-        graph, matched = self._graph, [link.agreeing_a for link in links.values() if link is not None]
-        found = confirmed_around(graph, frame, pose, island, list(links), matched)
-        odds = log_odds(found, graph.true_share)
-        if odds < self._plausibility.least_log_odds:
+        graph, least = self._graph, self._plausibility.least_log_odds
+        found, odds = odds_around(graph, frame, pose, island, links, least)
+        if odds < least:
             odds += self._search.pixels_bear_out(frame, pose, island, links)
-        if odds < self._plausibility.least_log_odds:
+        if odds < least:
             return Disbelief(f"only {found.share:.0%} of what it should show was found in it")
         graph.note_believed(found.cells, found.share)
         return pose

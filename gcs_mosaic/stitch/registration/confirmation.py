@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,9 @@ MOST_BEYOND = 1.0  # decades that pixels can speak against a look-alike: whole b
 ENOUGH_CELLS = 3
 EXPECTED_SHARE = 0.8  # of the cells with features matched before, that a true overlap confirms: 0.75 to 1 in woods
 NOTHING = Confirmed(1.0, 0)
+# Where the rest of the overlap is ground that is never found again, keypoints must prove by themselves what two look-alikes
+# rarely do, and most of the other cells, which must be so many, agree.
+PROVED, MOSTLY, TELLING_CELLS = 20.0, 0.5, 6
 
 
 def borne_out(
@@ -29,6 +33,28 @@ def borne_out(
     pair = frame_pair(a, b, part_a, part_b, NO_MATCHES)
     doubt = why_contradicted(pair, pair.reduced(found.b_from_a), found.agreeing_a / a.scale, settings, found.beyond)
     return NotRegistered(doubt, found.independent_inliers, found.pixels_a, found.pixels_b) if doubt else found
+
+
+def borne_out_where_telling(
+    doubted: NotRegistered,
+    a: Features,
+    b: Features,
+    settings: RegistrationSettings,
+    parts: tuple[MatchPart, MatchPart],
+    telling: Callable[[], tuple[Mask, Mask]],
+) -> Registration | NotRegistered:
+    """What nothing but the rest of the overlap contradicts, if most of that agrees whose features are `telling` (n,), (m,): not
+    on ground that is never found again."""
+    found = doubted.contradicted
+    if found is None or found.evidence < PROVED:
+        return doubted
+    pair = frame_pair(a, b, *parts, NO_MATCHES)
+    overlap = _Overlap.of(pair, pair.reduced(found.b_from_a), found.agreeing_a / a.scale)
+    if log_odds(overlap.confirmed_again(pair), EXPECTED_SHARE) < settings.least_odds_again:
+        return doubted
+    of_a, of_b = (one[part.chosen(of)] for one, part, of in zip(telling(), parts, (a, b), strict=True))
+    most = overlap.confirmed(of_a, of_b)
+    return found if most.cells >= TELLING_CELLS and most.share >= MOSTLY else doubted
 
 
 def why_contradicted(

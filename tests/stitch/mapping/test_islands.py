@@ -108,7 +108,7 @@ def test_a_bridge_that_agrees_with_itself_only_from_one_side_breaks_nothing(
 def seeing(monkeypatch: pytest.MonkeyPatch, *around: Confirmed) -> None:
     """What is found around one witness after the other."""
     left = list(around)
-    monkeypatch.setattr(islands, "confirmed_around", lambda *_: left.pop(0))
+    monkeypatch.setattr("gcs_mosaic.stitch.graph.overlap_check.confirmed_around", lambda *_: left.pop(0))
 
 
 MUCH_SEEN, LITTLE_SEEN, NOTHING_SEEN = Confirmed(0.9, 30), Confirmed(0.0, 1), Confirmed(1.0, 0)
