@@ -92,6 +92,7 @@ def test_the_map_is_that_of_the_flight_without_the_hover(stitched: Path, frames:
     assert tiles[0] == tiles[1]
 
 
+@pytest.mark.thorough
 def test_the_configuration_switches_covering_off(frames: Path, tmp_path: Path) -> None:
     (tmp_path / "off.yaml").write_text("stitch: {cover: {enabled: false}}")
     config = replace(load_config(tmp_path / "off.yaml"), scale=0.5)

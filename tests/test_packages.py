@@ -59,6 +59,7 @@ def release(tagged: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
 
 
 @pytest.mark.long
+@pytest.mark.thorough
 def test_two_builds_are_the_same_bytes(tagged: Path, release: dict[str, bytes], tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(tagged, other, symlinks=True)

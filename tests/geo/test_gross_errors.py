@@ -104,7 +104,7 @@ def test_good_points_are_not_called_wrong_for_being_many() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("how", ["same", "own"])
+@pytest.mark.parametrize("how", ["same", pytest.param("own", marks=pytest.mark.thorough)])
 def test_where_a_minority_is_wrong_the_stated_error_holds(how: How) -> None:
     """Of 5 to 12 points, at random; where it does not hold it is not far from it, or less than a pin's own, or the map is said to
     be unchecked."""

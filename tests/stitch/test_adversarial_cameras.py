@@ -25,6 +25,7 @@ def test_two_lakes_under_one_sun_stay_apart() -> None:
     assert assert_nothing_is_mixed_up(stitched(taken), taken).placed >= 10
 
 
+@pytest.mark.thorough
 def test_the_pattern_of_a_thermal_camera_joins_no_two_places() -> None:
     camera = ThermalCamera()
     taken = in_turn(*(shots("country", seed, frames=6, seen=camera.picture) for seed in (1, 2)))

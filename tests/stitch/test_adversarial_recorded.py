@@ -20,7 +20,7 @@ pytestmark = [
 ]
 
 
-@pytest.mark.parametrize(("one", "other"), [*OF_EACH, *(thorough(*pair) for pair in PAIRS if pair not in OF_EACH)])
+@pytest.mark.parametrize(("one", "other"), [OF_EACH[0], *(thorough(*pair) for pair in PAIRS if pair != OF_EACH[0])])
 def test_two_recorded_flights_in_one_folder_stay_apart(one: str, other: str) -> None:
     taken = in_turn(recorded(one, FRAMES), recorded(other, FRAMES))
     mosaic = stitched(taken)

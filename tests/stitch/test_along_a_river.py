@@ -57,6 +57,7 @@ def test_a_flight_along_a_river_is_one_map(ground: Image) -> None:
     assert map_error(mosaic.placements(), poses()) < 3.0
 
 
+@pytest.mark.thorough
 def test_halls_of_one_make_on_different_lawns_stay_apart(ground: Image) -> None:
     """Each row of halls is its like's to the last grey level, and the lawns around, which are found again beside each row,
     are not."""
