@@ -155,6 +155,7 @@ class FolderWatch:
         self._unread: set[Path] = set()  # files that cannot be read now
         self._device: int | None = None  # where images were seen last
         self._mount: tuple[Path, Path] | None = None  # of that, as `mount_of` tells it
+        self._beneath: set[tuple[int, ...]] | None = None  # files that were below that mount when its disk went
         self._missing = False
         self._since_utc = started_utc
         self._last_utc: float | None = None
@@ -391,14 +392,22 @@ class FolderWatch:
             yield Notice(source=folder, level="info", text=f"the folder {folder} is back")
 
     def _unmounted(self, found: Scan) -> str:
-        """Where a disk with images was mounted, the empty folder below its mount is no folder of frames; that of another disk in
-        its place is one, such as of the next card."""
-        if found.images and found.device != self._device:
-            self._device, self._mount = found.device, mount_of(self._folder)
-        if self._mount is None or found.device == self._device:
+        """Where a disk with images was mounted, the folder below its mount is no folder of frames until one is written there;
+        that of another disk in its place is one, such as of the next card."""
+        if found.device == self._device:
+            self._beneath = None
             return ""
-        (before, mounted), (now, at) = self._mount, mount_of(self._folder)
-        return "is empty, its disk is gone" if now == before and at != mounted and at in mounted.parents else ""
+        if self._mount is not None:
+            (before, mounted), (now, at) = self._mount, mount_of(self._folder)
+            there = {look.signature for look in found.images}
+            if now == before and at != mounted and at in mounted.parents:
+                self._beneath = there if self._beneath is None else self._beneath
+                if there <= self._beneath:
+                    shows = "shows what lies below its mount" if there else "is empty"
+                    return f"{shows}, its disk is gone"
+        if found.images:
+            self._device, self._mount, self._beneath = found.device, mount_of(self._folder), None
+        return ""
 
     @property
     def _taken_as_frames(self) -> int:
