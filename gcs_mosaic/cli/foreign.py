@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from gcs_mosaic.cli.streams import reader_has_gone
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.log import masked
@@ -28,6 +29,8 @@ def telling_of_foreign(given: argparse.Namespace) -> Iterator[None]:
     except SAID:
         raise
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and reader_has_gone():
+            raise
         logger.debug("%s cannot be read", given, exc_info=True)
         met = traceback.extract_tb(error.__traceback__)[-1]
         what = f"{error!r:.200}, {Path(met.filename).name}:{met.lineno}"

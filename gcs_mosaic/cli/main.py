@@ -1,7 +1,7 @@
 """The command line: parses arguments, runs the command, returns the exit code.
 
 0: success. 1: unexpected failure, or `check` has found faults. 2: usage error, reported in one sentence. 3: no frame could be
-placed.
+placed. 130: interrupted. 141: nobody reads what it says any more.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rich.console import Console
 from gcs_mosaic.app.live.shutdown import Shutdown
 from gcs_mosaic.cli.foreign import OF_A_FLIGHT, telling_of_foreign
 from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, serve_settings_of
-from gcs_mosaic.cli.streams import flush_or_let_go
+from gcs_mosaic.cli.streams import flush_or_let_go, reader_has_gone
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.log import without_passwords
@@ -42,6 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _say(error, 1)
     except NothingPlaced as error:
         return _say(error, 3)
+    except BrokenPipeError:
+        if not reader_has_gone():  # a pipe of our own
+            raise
+        return 141
     except KeyboardInterrupt:
         print("gcs-mosaic: interrupted", file=sys.stderr)
         return 130

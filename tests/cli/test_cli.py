@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import socket
@@ -278,6 +279,18 @@ def test_help_and_misuse_of_the_installed_program(tmp_path: Path) -> None:
         assert (helped.returncode, helped.stderr) == (0, "")
         assert "--out" in helped.stdout
     assert run("--fly", cwd=tmp_path).returncode == 2
+
+
+@pytest.mark.long
+def test_who_reads_no_more_of_an_answer_is_told_of_no_fault(flight: Path, tmp_path: Path) -> None:
+    """`gcs-mosaic status DIR | head -1`."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as nobody:
+        done = subprocess.run(
+            [*PROGRAM, "status", str(flight)], stdout=nobody, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 def test_help_names_all_settings_that_count_for_an_earlier_flight(capsys: pytest.CaptureFixture[str]) -> None:
