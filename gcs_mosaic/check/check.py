@@ -91,6 +91,9 @@ def check_checkpoint(flight: Path, ledger: Ledger, part: CheckedPart) -> None:
         return
     with closing(Checkpoints(flight, read_only=True)) as checkpoints:
         saved = checkpoints.load()
+    if isinstance(saved, Unusable) and saved.of_another_version:
+        part.notes.append(f"{saved.reason}: to go on with the flight is to stitch its frames again")
+        return
     part.checked = 1
     if isinstance(saved, Unusable):
         there = inside.is_file(flight / VALUES_NAME, flight)

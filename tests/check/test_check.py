@@ -19,6 +19,7 @@ from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import SourceReport
+from gcs_mosaic.store.checkpoint import MAGIC
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.lock import try_lock
@@ -136,6 +137,20 @@ def test_a_whole_flight_is_found_whole_and_left_alone(flight: Path) -> None:
         **{"checkpoint": 1, "strays": 0, "notes": 0},
     }
     assert files_in(flight) == before
+
+
+@pytest.mark.long
+def test_a_flight_of_another_version_of_the_program_is_whole_and_can_still_be_gone_on_with(flight: Path) -> None:
+    head = len(MAGIC) + 4  # and then the digest of the program
+    data = bytearray((flight / "checkpoint").read_bytes())
+    data[head] ^= 0xFF
+    (flight / "checkpoint").write_bytes(data)
+    found = checked(flight)
+    assert found.is_whole, said_of(found)
+    (part,) = [part for part in found.parts if part.name == "checkpoint"]
+    assert "written by another version of the program: to go on with the flight is to stitch" in part.notes[0]
+    repaired(flight)
+    assert (flight / "checkpoint").read_bytes() == data
 
 
 @pytest.mark.long
