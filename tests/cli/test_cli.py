@@ -22,6 +22,7 @@ from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.cli import choices, options
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.store.folder import LEDGER_NAME
 from sitl.path import Plan
 from tests.ports import free_port
 from tests.running import PROGRAM, run, until
@@ -291,6 +292,21 @@ def test_who_reads_no_more_of_an_answer_is_told_of_no_fault(flight: Path, tmp_pa
             [*PROGRAM, "status", str(flight)], stdout=nobody, stderr=subprocess.PIPE, text=True, timeout=60, check=False
         )
     assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.parametrize(
+    "words", [["status"], ["check"], ["serve"], ["export", "--format", "png"], ["anchor"], ["pair"]], ids=" ".join
+)
+def test_a_flight_of_another_user_is_not_told_as_damaged(
+    tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its folder may be open, its files are not; for root all are, so the system's answer is replaced."""
+    ledger = tmp_path / LEDGER_NAME
+    ledger.touch()
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != ledger)
+    assert cli.main([words[0], str(tmp_path), *words[1:]]) == 1
+    said = capsys.readouterr().err
+    assert f"{ledger} cannot be opened (Permission denied): do it as the user who wrote the flight" in said
 
 
 def test_help_names_all_settings_that_count_for_an_earlier_flight(capsys: pytest.CaptureFixture[str]) -> None:
