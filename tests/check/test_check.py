@@ -195,6 +195,24 @@ def test_a_damaged_original_is_taken_from_the_camera_s_files(flight: Path, pictu
 
 
 @pytest.mark.long
+def test_half_a_copy_says_what_it_lacks_and_is_made_whole_once_the_camera_s_files_are_there(
+    flight: Path, pictures: Path
+) -> None:
+    """A copy was broken off, and repaired before anybody thought of the camera's card."""
+    before = {path: data for path, data in files_in(flight).items() if path.parts[0] in {"tiles", "masks", "frames"}}
+    for folder in ("tiles", "frames"):
+        files = sorted(path for path in (flight / folder).rglob("*.*") if path.is_file())
+        for path in files[len(files) // 3 :]:
+            path.unlink()
+    found = repaired(flight)
+    assert found.lost.tiles > 5
+    told = f"whole again, but for what is lost: 4 originals; {found.lost.tiles} tiles"
+    assert verdict(found, mended=True) == f"{flight} is {told}"
+    assert verdict(repaired(flight, pictures), mended=True) == f"{flight} is whole"
+    assert {path: data for path, data in files_in(flight).items() if path in before} == before
+
+
+@pytest.mark.long
 def test_each_aircraft_s_own_folder_is_looked_through_too(flight: Path, pictures: Path) -> None:
     """The status names one of the folders for all: the one that brings nothing, if there is any."""
     lost = SourceReport(kind="folder", name=str(flight.parent / "card"), state="missing", vehicle=1)
@@ -221,7 +239,7 @@ def test_what_a_lost_original_shows_stays_on_the_map(flight: Path) -> None:
     found = repaired(flight)
     assert found.is_whole, said_of(found)
     assert "2.jpg: its original is lost" in " ".join(found.repaired)
-    assert found.document()["lost"] == {"unread": "", "originals": ["2.jpg"]}
+    assert found.document()["lost"] == {"unread": "", "originals": ["2.jpg"], "tiles": 0}
     assert verdict(found, mended=True) == f"{flight} is whole again, but for what is lost: 1 original"
     assert (flight / "frames/2.jpg.damaged").exists()
     assert {path: data for path, data in files_in(flight).items() if path in before} == before
@@ -272,7 +290,7 @@ def test_the_exit_code_and_the_document_tell_whether_it_is_whole(
     assert cli.main(["check", str(flight), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["whole"] is False
-    assert document["lost"] == {"unread": "", "originals": []}
+    assert document["lost"] == {"unread": "", "originals": [], "tiles": 0}
     faults = [(part["name"], fault) for part in document["parts"] for fault in part["faults"]]
     assert faults == [("documents", {"subject": "mosaic.json", "text": "a document that is missing"})]
 
