@@ -17,6 +17,7 @@ from types import FrameType
 
 from rich.console import Console
 
+from gcs_mosaic.app.live.left_behind import GOES_ON
 from gcs_mosaic.app.live.shutdown import Shutdown
 from gcs_mosaic.cli.foreign import OF_A_FLIGHT, telling_of_foreign
 from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, serve_settings_of
@@ -54,8 +55,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(error: Exception, code: int) -> int:
-    """On the terminal, or in a service's journal. A setting that is refused may have a password in it."""
-    print(f"gcs-mosaic: {without_passwords(str(error))}", file=sys.stderr)
+    """On the terminal, or in a service's journal. A setting that is refused may have a password in it; and what ends does not go
+    on by itself, as a flight does once it has begun."""
+    text = str(error).replace(GOES_ON, ", then start again")
+    print(f"gcs-mosaic: {without_passwords(text)}", file=sys.stderr)
     return code
 
 

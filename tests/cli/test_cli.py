@@ -11,9 +11,11 @@ import subprocess
 import threading
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -292,6 +294,16 @@ def test_who_reads_no_more_of_an_answer_is_told_of_no_fault(flight: Path, tmp_pa
             [*PROGRAM, "status", str(flight)], stdout=nobody, stderr=subprocess.PIPE, text=True, timeout=60, check=False
         )
     assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_command_that_ends_on_a_full_disk_does_not_promise_to_go_on(
+    tmp_path: Path, tiny_disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.jpg").write_bytes(sure(cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1]).tobytes())
+    with suppress(OSError):
+        (tiny_disk / "fill").write_bytes(bytes(2 << 20))
+    assert cli.main(["stitch", str(tmp_path / "a.jpg"), "--out", str(tiny_disk / "map")]) == 1
+    assert "the disk is full: free some space, then start again (" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
