@@ -260,7 +260,7 @@ def test_who_knocks_as_it_ends_is_not_forgotten(steps: int, recwarn: pytest.Warn
             for _ in range(steps):
                 await asyncio.sleep(0)
             await listener.close()
-            await page.shutdown(1)
+            await page.shutdown(0.05)
 
     asyncio.run(knock())
     gc.collect()
