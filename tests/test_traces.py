@@ -13,6 +13,7 @@ BROAD = {"", "Exception", "BaseException", "OSError"}
 
 # Handlers that neither log nor raise nor tell what they caught, by module and function: how many there are, and why.
 SILENT = {
+    ("app/pipeline/resuming.py", "boot_id"): (1, "a system that does not tell, which is the answer"),
     ("cli/streams.py", "flush_or_let_go"): (1, "the reader of the terminal is gone: nobody is there to be told"),
     ("cli/streams.py", "open_standard_streams"): (1, "it is closed, which is the answer; there is no log yet"),
     ("app/machine.py", "share_heap"): (1, "another system, which has no such thing"),

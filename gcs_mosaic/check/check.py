@@ -13,7 +13,7 @@ from gcs_mosaic.check.documents import STATUS_NAME, check_documents, has_lost_th
 from gcs_mosaic.check.findings import CheckedPart, Findings, LostForGood, Progress
 from gcs_mosaic.check.invariants import check_rows, settle_rows
 from gcs_mosaic.check.notes import check_notes
-from gcs_mosaic.check.originals import adopt_originals, check_originals, restore_originals
+from gcs_mosaic.check.originals import adopt_originals, check_originals, restore_originals, take_again
 from gcs_mosaic.check.salvage import salvage
 from gcs_mosaic.check.snapshot import ledger_copy
 from gcs_mosaic.check.tiles import check_tiles, compare_tiles, painted_map, repair_tiles
@@ -91,6 +91,9 @@ def check_checkpoint(flight: Path, ledger: Ledger, part: CheckedPart) -> None:
         return
     with closing(Checkpoints(flight, read_only=True)) as checkpoints:
         saved = checkpoints.load()
+    if isinstance(saved, Unusable) and saved.of_another_version:
+        part.notes.append(f"{saved.reason}: to go on with the flight is to stitch its frames again")
+        return
     part.checked = 1
     if isinstance(saved, Unusable):
         there = inside.is_file(flight / VALUES_NAME, flight)
@@ -137,7 +140,7 @@ def _repaired(flight: Path, progress: Progress, sources: Sequence[Path], lost: L
         damaged = CheckedPart("originals", "files")
         check_originals(flight, ledger, damaged, progress)
         shown = painted_map(flight, ledger, damaged.subjects)
-        yield from repair_tiles(shown, progress)
+        yield from repair_tiles(shown, progress, lost)
         yield from _documents(flight, ledger, shown.layout.extents)
         ledger.make_durable()
 
@@ -153,6 +156,7 @@ def _settled(
         settle_rows(ledger, flight.resolve().name, started_utc)
         yield f"contradictions of the ledger were settled ({len(rows.faults)}): frames in doubt are pending again"
     check_originals(flight, ledger, originals, progress)
+    yield from take_again(flight, ledger, list(sources))
     yield from restore_originals(flight, ledger, originals.subjects, list(sources), lost)
 
 

@@ -26,6 +26,7 @@ class CheckedPart:
     checked: int = 0
     faults: list[Fault] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # not wrong, but good to know
+    lost: str = ""  # what is missing and cannot be brought back, in words
 
     def fault(self, subject: object, text: str) -> None:
         self.faults.append(Fault(str(subject), text))
@@ -35,20 +36,25 @@ class CheckedPart:
         return {fault.subject for fault in self.faults}
 
 
+def counted(count: int, what: str) -> str:
+    """In words; empty for none."""
+    return f"{count} {what}{'' if count == 1 else 's'}" if count else ""
+
+
 @dataclass(slots=True)
 class LostForGood:
     """What a repair could not bring back: `unread`, what could not be read of a damaged ledger, in words; `originals`, names of
-    the frames whose files are recorded as not kept."""
+    the frames whose files are recorded as not kept; `tiles`, how many were there by their masks, and show such frames."""
 
     unread: str = ""
     originals: list[str] = field(default_factory=list)
+    tiles: int = 0
 
     @property
     def words(self) -> str:
         """Empty if it is nothing."""
-        count = len(self.originals)
-        of_originals = "1 original" if count == 1 else f"{count} originals"
-        return "; ".join([*([self.unread] if self.unread else []), *([of_originals] if count else [])])
+        told = (self.unread, counted(len(self.originals), "original"), counted(self.tiles, "tile"))
+        return "; ".join(filter(None, told))
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from gcs_mosaic.store.records import FrameRecord, FrameState
 logger = logging.getLogger(__name__)
 
 MOST_SOUGHT = 500_000  # files of a folder in which originals are sought; a stranger's status may name any
+ON_THE_MAP = (FrameState.PLACED, FrameState.COVERED)
 UNDECIDED = (FrameState.PENDING, FrameState.WAITING)  # without its original such a frame can never be placed
 
 
@@ -48,6 +49,18 @@ def restore_originals(
     frames = [frame for frame in ledger.frames() if frame.name in damaged and frame.content_hash is not None]
     files = _by_size(sources) if frames else {}
     return [_restored(flight, ledger, frame, files.get(frame.size or 0, []), lost) for frame in frames]
+
+
+def take_again(flight: Path, ledger: Ledger, sources: list[Path]) -> list[str]:
+    """Take originals of what is on the map, which a repair has recorded as not kept, from the camera's files; returns what
+    was done. Of a flight that keeps none, none is taken."""
+    frames = ledger.frames()
+    lost = [frame for frame in frames if frame.original is None and frame.state in ON_THE_MAP and frame.content_hash]
+    if not lost or all(frame.original is None for frame in frames):
+        return []
+    files = _by_size(sources)
+    said = (_taken(flight, ledger, frame, files.get(frame.size or 0, [])) for frame in lost)
+    return [text for text in said if text]
 
 
 def adopt_originals(flight: Path, ledger: Ledger) -> int:
@@ -89,21 +102,32 @@ def _problem(flight: Path, frame: FrameRecord) -> str | None:
 
 
 def _restored(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path], lost: list[str]) -> str:
-    path = place_of(flight, frame.original or "") or flight / relative_place(frame.name)
-    found = next((data for file in files if (data := _whole(file, frame.content_hash)) is not None), None)
-    if found is not None:
-        make_folder(path.parent, flight, durable=True)
-        write_beside(path, found, durable=True, root=flight)
-        ledger.record_original(frame.name, path.relative_to(flight).as_posix())
-        return f"{frame.name}: its original was taken from the camera's files again"
+    if taken := _taken(flight, ledger, frame, files):
+        return taken
     lost.append(frame.name)
-    aside = _set_aside(path, flight)
+    aside = _set_aside(_kept_at(flight, frame), flight)
     ledger.write(
         "UPDATE frames SET original = NULL WHERE id = (SELECT id FROM frames WHERE original = ?)", frame.original
     )
     if frame.state in UNDECIDED:
         ledger.settle_frame(frame.name, FrameState.DAMAGED, "its original was damaged on the disk")
-    return f"{frame.name}: its original is lost, and recorded as not kept{aside}; what it shows on the map stays"
+    return f"{frame.name}: its original is lost, and recorded as not kept{aside}; what the map shows of it stays"
+
+
+def _kept_at(flight: Path, frame: FrameRecord) -> Path:
+    return place_of(flight, frame.original or "") or flight / relative_place(frame.name)
+
+
+def _taken(flight: Path, ledger: Ledger, frame: FrameRecord, files: list[Path]) -> str:
+    """What was done; empty if none of the files is its original."""
+    found = next((data for file in files if (data := _whole(file, frame.content_hash)) is not None), None)
+    if found is None:
+        return ""
+    path = _kept_at(flight, frame)
+    make_folder(path.parent, flight, durable=True)
+    write_beside(path, found, durable=True, root=flight)
+    ledger.record_original(frame.name, path.relative_to(flight).as_posix())
+    return f"{frame.name}: its original was taken from the camera's files again"
 
 
 def _set_aside(path: Path, flight: Path) -> str:

@@ -51,10 +51,11 @@ def show(found: Findings, console: Console, *, mended: bool) -> None:
 
 def verdict(found: Findings, *, mended: bool) -> str:
     """One sentence."""
-    if found.is_whole and found.lost.words:
-        return f"{found.flight} is whole again, but for what is lost: {found.lost.words}"
     if found.is_whole:
-        return f"{found.flight} is whole"
+        of_parts = [] if found.lost.tiles else [part.lost for part in found.parts]
+        lost = "; ".join(filter(None, [found.lost.words, *of_parts]))
+        again = " again" if found.lost.words else ""
+        return f"{found.flight} is whole{again}{f', but for what is lost: {lost}' if lost else ''}"
     faults = sum(len(part.faults) for part in found.parts)
     count = "1 fault" if faults == 1 else f"{faults} faults"
     if mended or found.is_beyond_repair:

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
-from gcs_mosaic.check.findings import CheckedPart, Progress
+from gcs_mosaic.check.findings import CheckedPart, LostForGood, Progress, counted
 from gcs_mosaic.check.layout import Layout, layout_of
 from gcs_mosaic.frames.decode import Unreadable, decode_image
 from gcs_mosaic.render.compositor import CompositorSettings, TileCompositor
@@ -30,6 +30,7 @@ from gcs_mosaic.store.tiles import (
     TileSettings,
     encode_jpeg,
     encode_mask,
+    keys_of,
     mask_path,
     pictures_in,
     read_tile,
@@ -90,8 +91,12 @@ def check_tiles(shown: PaintedMap, part: CheckedPart, progress: Progress) -> Non
             part.fault(name_of(key), "a tile that no frame of the ledger touches")
         elif read_tile(shown.flight, *key) is None:
             part.fault(name_of(key), "a tile that cannot be decoded, or its mask")
-    for key in sorted(shown.layout.required() - there - unsure):
-        part.fault(name_of(key), "a tile that is missing")
+    missing = sorted(shown.layout.required() - there)
+    for key in missing:
+        if key not in unsure:
+            part.fault(name_of(key), "a tile that is missing")
+    if lost := [name_of(key) for key in missing if key in unsure]:
+        part.lost = f"{counted(len(lost), 'tile')} or more that cannot be made without originals, {lost[0]} for one"
     for path in _lone_masks(shown.flight):
         part.fault(path.relative_to(shown.flight).as_posix(), "a mask without its tile")
     if shown.gone:
@@ -116,8 +121,9 @@ def compare_tiles(shown: PaintedMap, part: CheckedPart, progress: Progress) -> N
             part.fault(name_of(key), "a tile that does not show what ledger and originals say")
 
 
-def repair_tiles(shown: PaintedMap, progress: Progress) -> list[str]:
-    """Make all tiles what ledger and originals say, and remove those that nothing says; returns what was done."""
+def repair_tiles(shown: PaintedMap, progress: Progress, lost: LostForGood) -> list[str]:
+    """Make all tiles what ledger and originals say, and remove those that nothing says; returns what was done. Of tiles that are
+    missing and need lost originals their masks tell."""
     quality = jpeg_quality(shown.flight) or TileSettings().jpeg_quality
     possible = shown.layout.possible()
     unknown = [key for key in tiles_in(shown.flight) if shown.painted and key not in possible]
@@ -132,6 +138,7 @@ def repair_tiles(shown: PaintedMap, progress: Progress) -> list[str]:
                     remove_tile(shown.flight, *key)
                 else:
                     write_tile(shown.flight, *key, picture, quality)
+    lost.tiles = len(shown.layout.unsure(shown.gone).intersection(keys_of(_lone_masks(shown.flight))))
     masks = _remove_lone_masks(shown.flight)
     done = (
         (made, "tiles made anew, or removed where nothing is shown"),

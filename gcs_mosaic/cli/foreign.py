@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import logging
+import os
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from gcs_mosaic.cli.streams import reader_has_gone
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
+from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.log import masked
 
 logger = logging.getLogger(__name__)
 
-OF_A_FLIGHT = frozenset({"serve", "status", "vehicle", "check", "anchor", "export", "merge", "integral"})
+OF_A_FLIGHT = frozenset({"serve", "status", "vehicle", "check", "anchor", "export", "merge", "integral", "pair"})
 SAID = (UsageError, CannotWrite, FlightFailed, NothingPlaced)  # they are sentences already
 
 
@@ -23,11 +27,21 @@ SAID = (UsageError, CannotWrite, FlightFailed, NothingPlaced)  # they are senten
 def telling_of_foreign(given: argparse.Namespace) -> Iterator[None]:
     """Turn what no check of ours has foreseen into a FlightFailed that tells where it was met."""
     try:
+        _refuse_unreadable(_folders(given))
         with _lines_alone():
             yield
     except SAID:
         raise
+    except PermissionError as error:
+        logger.debug("%s cannot be read", given, exc_info=True)
+        text = (
+            f"{error.filename or _named(given)} cannot be opened ({error.strerror}): do it as the user who wrote the flight; "
+            "with permissions: group (or all) in the settings other users can read those to come"
+        )
+        raise FlightFailed(text) from error
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and reader_has_gone():
+            raise
         logger.debug("%s cannot be read", given, exc_info=True)
         met = traceback.extract_tb(error.__traceback__)[-1]
         what = f"{error!r:.200}, {Path(met.filename).name}:{met.lineno}"
@@ -56,7 +70,19 @@ class _Line(logging.Formatter):
         return masked(f"gcs-mosaic: {record.getMessage()}{f' ({error})' if error else ''}")
 
 
+def _refuse_unreadable(folders: Sequence[Path]) -> None:
+    """Raises PermissionError for a flight of another user, also if its folder is open to all: else each part would be told as
+    damaged in its own way."""
+    for path in (folder / name for folder in folders for name in (LEDGER_NAME, "mosaic.json")):
+        if path.is_file() and not os.access(path, os.R_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+
+def _folders(given: argparse.Namespace) -> list[Path]:
+    """Those that the command was given."""
+    one = getattr(given, "flight", None)
+    return [Path(folder) for folder in getattr(given, "flights", None) or ([one] if one else [])]
+
+
 def _named(given: argparse.Namespace) -> str:
-    """The folder, or the folders, that the command was given."""
-    folders = getattr(given, "flights", None) or [getattr(given, "flight", None) or "the folder"]
-    return ", ".join(map(str, folders))
+    return ", ".join(map(str, _folders(given))) or "the folder"

@@ -1,7 +1,7 @@
 """The command line: parses arguments, runs the command, returns the exit code.
 
 0: success. 1: unexpected failure, or `check` has found faults. 2: usage error, reported in one sentence. 3: no frame could be
-placed.
+placed. 130: interrupted. 141: nobody reads what it says any more.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from types import FrameType
 
 from rich.console import Console
 
+from gcs_mosaic.app.live.left_behind import GOES_ON
 from gcs_mosaic.app.live.shutdown import Shutdown
 from gcs_mosaic.cli.foreign import OF_A_FLIGHT, telling_of_foreign
 from gcs_mosaic.cli.options import DEFAULT_OUT, listening_of, parse, serve_settings_of
-from gcs_mosaic.cli.streams import flush_or_let_go
+from gcs_mosaic.cli.streams import flush_or_let_go, reader_has_gone
 from gcs_mosaic.errors import FlightFailed, NothingPlaced, UsageError
 from gcs_mosaic.store.disk import CannotWrite
 from gcs_mosaic.store.log import without_passwords
@@ -42,6 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _say(error, 1)
     except NothingPlaced as error:
         return _say(error, 3)
+    except BrokenPipeError:
+        if not reader_has_gone():  # a pipe of our own
+            raise
+        return 141
     except KeyboardInterrupt:
         print("gcs-mosaic: interrupted", file=sys.stderr)
         return 130
@@ -50,8 +55,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _say(error: Exception, code: int) -> int:
-    """On the terminal, or in a service's journal. A setting that is refused may have a password in it."""
-    print(f"gcs-mosaic: {without_passwords(str(error))}", file=sys.stderr)
+    """On the terminal, or in a service's journal. A setting that is refused may have a password in it; and what ends does not go
+    on by itself, as a flight does once it has begun."""
+    text = str(error).replace(GOES_ON, ", then start again")
+    print(f"gcs-mosaic: {without_passwords(text)}", file=sys.stderr)
     return code
 
 

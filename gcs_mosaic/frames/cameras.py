@@ -21,7 +21,7 @@ from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.frames.shot_names import Guess, ShotFile, is_band, shot_file, without_guess
 from gcs_mosaic.frames.shot_register import ShotRegister, Size
 from gcs_mosaic.frames.small_copies import SizedFile, SmallCopies
-from gcs_mosaic.frames.unlike_files import UnlikeFiles
+from gcs_mosaic.frames.unlike_files import UnlikeFiles, unlike_in
 from gcs_mosaic.messages import CameraCount, Frame, OtherFile
 
 HOLD_S = 2.0  # the first files of a camera, until those of others of the same shot are there
@@ -241,7 +241,7 @@ def chosen_of(looks: Sequence[Look], patterns: Sequence[str] = (), *, together: 
     bands = _bands_of(pairs, kept, register) if together else {}
     cameras = {camera for shot in bands.values() for camera in shot.looks}
     told = f"{len(copies)} small copies of other images are left out, {min(copies)} for one" if copies else ""
-    counts = [one._replace(mapped=one.mapped or one.name in cameras) for one in register.counts()]
+    counts = [one._replace(mapped=one.mapped or one.name in cameras) for one in register.counts() or unlike_in(looks)]
     return Chosen([look for look, _ in kept], "; ".join(filter(None, [in_words(counts), told])), bands)
 
 

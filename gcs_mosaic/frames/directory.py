@@ -146,15 +146,17 @@ class FolderWatch:
         is_asked = settings.bands == "together"
         self._shots = BandShots(load, self._cameras.band_of) if is_asked else None
         self._has_left = False  # some that were ready wait for the next scan
-        self._polls = self._left = self._left_lately = self._taken = self._damaged = self._gaps = self._changed = 0
+        self._polls = self._left = self._left_lately = self._taken = self._gaps = self._changed = 0
         self._clock_off_s: float | None = None
         self._kinds: Kinds = ()
         self._counts_due = -math.inf
         self._said: set[str] = set()
         self._said_doubt = self._said_old = False
         self._unread: set[Path] = set()  # files that cannot be read now
+        self._damaged: set[Path] = set()  # that have not come whole since
         self._device: int | None = None  # where images were seen last
         self._mount: tuple[Path, Path] | None = None  # of that, as `mount_of` tells it
+        self._beneath: set[tuple[int, ...]] | None = None  # files that were below that mount when its disk went
         self._missing = False
         self._since_utc = started_utc
         self._last_utc: float | None = None
@@ -247,12 +249,14 @@ class FolderWatch:
 
     def _take(self, look: Look, now: float) -> Iterator[Item]:
         item = self._candidates[look.path].take(look, now, self._versions.get(look.name, 0) + 1, self._prove)
-        self._damaged += isinstance(item, DamagedFile)
+        if isinstance(item, DamagedFile):
+            self._damaged.add(look.path)
         if isinstance(item, Unread):
             yield from self._unread_now(look, item)
             return
         self._unread.discard(look.path)
         if isinstance(item, Frame):
+            self._damaged.discard(look.path)
             item = self._dated(item, self._candidates[look.path])
             for frame in self._previews.take(item, image_size(item.data or b""), now):
                 yield from self._accepted(frame, now)
@@ -296,7 +300,8 @@ class FolderWatch:
         hours = (self._oldest_ns / 1e9 + min(0.0, set_by()) - frame.modified) / 3600
         if self._polls > 1 and hours > 0 and not self._said_old:
             self._said_old = True
-            text = f"{frame.name} was written {math.ceil(hours)} h before this flight began, and others may be: if they are of "
+            before = f"{math.ceil(hours)} h" if hours < 72 else f"{hours / 24:,.0f} days"
+            text = f"{frame.name} was written {before} before this flight began, and others may be: if they are of "
             text += (
                 "an earlier flight, take that card out and begin anew (--new); if the camera's clock is wrong, set it"
             )
@@ -347,7 +352,7 @@ class FolderWatch:
             last_seen_utc=self._last_utc,
             seen=len(found.images) + len(found.videos),
             taken=self._taken_as_frames,
-            damaged=self._damaged,
+            damaged=len(self._damaged),
             gaps=self._gaps,
             passed_over=self._kinds,
             left=self._left,
@@ -391,14 +396,22 @@ class FolderWatch:
             yield Notice(source=folder, level="info", text=f"the folder {folder} is back")
 
     def _unmounted(self, found: Scan) -> str:
-        """Where a disk with images was mounted, the empty folder below its mount is no folder of frames; that of another disk in
-        its place is one, such as of the next card."""
-        if found.images and found.device != self._device:
-            self._device, self._mount = found.device, mount_of(self._folder)
-        if self._mount is None or found.device == self._device:
+        """Where a disk with images was mounted, the folder below its mount is no folder of frames until one is written there;
+        that of another disk in its place is one, such as of the next card."""
+        if found.device == self._device:
+            self._beneath = None
             return ""
-        (before, mounted), (now, at) = self._mount, mount_of(self._folder)
-        return "is empty, its disk is gone" if now == before and at != mounted and at in mounted.parents else ""
+        if self._mount is not None:
+            (before, mounted), (now, at) = self._mount, mount_of(self._folder)
+            there = {look.signature for look in found.images}
+            if now == before and at != mounted and at in mounted.parents:
+                self._beneath = there if self._beneath is None else self._beneath
+                if there <= self._beneath:
+                    shows = "shows what lies below its mount" if there else "is empty"
+                    return f"{shows}, its disk is gone"
+        if found.images:
+            self._device, self._mount, self._beneath = found.device, mount_of(self._folder), None
+        return ""
 
     @property
     def _taken_as_frames(self) -> int:

@@ -1,12 +1,17 @@
 """Two cameras whose files have nothing in common, neither shots nor a counter: told by names of two kinds and pictures of two
-sizes that come in turn. Only said: which of them is to be mapped is the operator's choice. Pure."""
+sizes that come in turn. Only said: which of them is to be mapped is the operator's choice."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import UTC
 
+from gcs_mosaic.frames.exif import capture_time
+from gcs_mosaic.frames.picture_size import picture_size
+from gcs_mosaic.frames.scan import Look
 from gcs_mosaic.messages import CameraCount
 
 PictureSize = tuple[int, int]
@@ -18,7 +23,7 @@ _MOST_KINDS = 32  # of names without their digits; more are hashes, which tell n
 
 @dataclass(slots=True)
 class UnlikeFiles:
-    """Of one folder."""
+    """Of one folder. Pure."""
 
     _sizes: dict[str, Counter[PictureSize]] = field(default_factory=dict)  # by kind of name
     _turns: Counter[frozenset[str]] = field(default_factory=Counter)
@@ -26,7 +31,7 @@ class UnlikeFiles:
 
     def note(self, name: str, size: PictureSize) -> None:
         """A picture of this size (width, height) has come under this name (POSIX, with its folders)."""
-        kind = re.sub(r"\d+", "#", name.casefold())
+        kind = _kind(name)
         if kind not in self._sizes and len(self._sizes) >= _MOST_KINDS:
             return
         self._sizes.setdefault(kind, Counter())[size] += 1
@@ -43,6 +48,26 @@ class UnlikeFiles:
             if is_steady and lying[0] != lying[1] and min(sizes.total() for sizes in each) >= LEAST:
                 return tuple(_count(sizes) for sizes in sorted(each, key=_usual, reverse=True))
         return ()
+
+
+def unlike_in(looks: Sequence[Look]) -> tuple[CameraCount, ...]:
+    """The same of files that are all there, in the order of their capture times (EXIF), or of the files' own. They
+    are opened only where their names are of several kinds."""
+    if not 1 < len({_kind(look.name) for look in looks}) <= _MOST_KINDS:
+        return ()
+    captured = [capture_time(look.path) for look in looks]
+    moments = [when.replace(tzinfo=UTC).timestamp() for when in captured if when is not None]
+    if len(moments) < len(looks):
+        moments = [look.modified_ns / 1e9 for look in looks]
+    unlike = UnlikeFiles()
+    for _, look in sorted(zip(moments, looks, strict=True), key=lambda one: one[0]):
+        if (size := picture_size(look.path)) is not None:
+            unlike.note(look.name, size)
+    return unlike.counts()
+
+
+def _kind(name: str) -> str:
+    return re.sub(r"\d+", "#", name.casefold())
 
 
 def _usual(sizes: Counter[PictureSize]) -> PictureSize:

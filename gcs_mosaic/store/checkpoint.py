@@ -67,6 +67,7 @@ class Unusable:
 
     reason: str
     stitch_again: bool = False  # the flight can be resumed all the same: from its originals
+    of_another_version: bool = False  # nothing is wrong with it
 
 
 class Checkpoints:
@@ -167,7 +168,8 @@ class Checkpoints:
             return Unusable("its checkpoint is none of ours", stitch_again=True)
         format_, program, digest, name, end = HEAD.unpack(data[len(MAGIC) : start])
         if format_ != FORMAT or program != program_digest():
-            return Unusable("its checkpoint was written by another version of the program", stitch_again=True)
+            reason = "its checkpoint was written by another version of the program"
+            return Unusable(reason, stitch_again=True, of_another_version=True)
         if _digest(data[start:]) != digest:
             return Unusable("its checkpoint is damaged", stitch_again=True)
         body = data[start:]

@@ -118,7 +118,7 @@ def remove_tile(root: inside.Root, island: int, tile: Tile) -> None:
 
 def tiles_in(root: Path) -> Iterator[TileKey]:
     """All tiles on disk; other files are skipped, and what links lead to."""
-    return _keys_of(pictures_in(root, "tiles", ".jpg"))
+    return keys_of(pictures_in(root, "tiles", ".jpg"))
 
 
 def pictures_in(root: Path, kind: str, suffix: str) -> Iterator[Path]:
@@ -128,7 +128,8 @@ def pictures_in(root: Path, kind: str, suffix: str) -> Iterator[Path]:
             yield path
 
 
-def _keys_of(paths: Iterable[Path]) -> Iterator[TileKey]:
+def keys_of(paths: Iterable[Path]) -> Iterator[TileKey]:
+    """Of tiles or masks; files of other names are skipped."""
     for path in paths:
         named = (*path.parts[-4:-1], path.stem)
         if all(PLAIN_NUMBER.fullmatch(part) for part in named):

@@ -36,7 +36,7 @@ class PageListener:
         self._server, self._settings, self._tls = server, settings, tls
         most = min(settings.connections, most_files() // FILES_EACH)
         self._quota = AddressQuota(most, min(settings.connections_per_address, most // 2))
-        self._sockets: list[socket.socket] = []
+        self._sockets: list[ListeningSocket] = []
         self._accepting: list[asyncio.Task[None]] = []
         self._accepted: list[AcceptedConnection] = []  # the longest first
 
@@ -53,17 +53,22 @@ class PageListener:
 
     async def close(self) -> None:
         """Let nobody in any more."""
+        for one in self._sockets:
+            one.accepts = False
         for task in self._accepting:
             task.cancel()
         await asyncio.gather(*self._accepting, return_exceptions=True)
         for one in self._sockets:
+            if one.untaken is not None:
+                one.untaken.close()
             one.close()
 
-    async def _accept(self, listener: socket.socket) -> None:
+    async def _accept(self, listener: ListeningSocket) -> None:
         loop = asyncio.get_running_loop()
         while True:
             try:
                 connection, peer = await loop.sock_accept(listener)
+                listener.untaken = None
             except OSError:
                 logger.warning("no connection can be accepted", exc_info=True)
                 await asyncio.sleep(AGAIN_S)
@@ -112,6 +117,22 @@ class PageListener:
                 accepted.connection.close()
 
 
+class ListeningSocket(socket.socket):
+    """One that knows which connection nobody has taken from the event loop yet: a task that is cancelled never receives it.
+
+    Windows' event loop accepts by itself and leaves such a connection to be closed when it is collected.
+    """
+
+    accepts = True
+    untaken: socket.socket | None = None
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        if not self.accepts:
+            raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+        self.untaken, peer = super().accept()
+        return self.untaken, peer
+
+
 @dataclass(eq=False)
 class AcceptedConnection:
     """A connection that was let in."""
@@ -132,10 +153,10 @@ def most_files() -> int:
     return resource.getrlimit(resource.RLIMIT_NOFILE)[0] % sys.maxsize  # -1: no limit
 
 
-def listening(host: str, port: int) -> list[socket.socket]:
+def listening(host: str, port: int) -> list[ListeningSocket]:
     """Sockets for every address of a host name, all of one port. Raises OSError and OverflowError."""
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-    sockets: list[socket.socket] = []
+    sockets: list[ListeningSocket] = []
     try:
         for family, address in dict.fromkeys((family, address) for family, _, _, _, address in found):
             wanted = (address[0], sockets[0].getsockname()[1], *address[2:]) if sockets else address
@@ -153,9 +174,9 @@ def listening(host: str, port: int) -> list[socket.socket]:
     return sockets
 
 
-def bound(family: int, address: tuple[Any, ...]) -> socket.socket:
+def bound(family: int, address: tuple[Any, ...]) -> ListeningSocket:
     """A socket that listens."""
-    one = socket.socket(family, socket.SOCK_STREAM)
+    one = ListeningSocket(family, socket.SOCK_STREAM)
     try:
         if os.name == "posix":  # elsewhere two programs could then listen on one port
             one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

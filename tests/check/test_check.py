@@ -19,6 +19,7 @@ from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
 from gcs_mosaic.errors import UsageError
 from gcs_mosaic.messages import SourceReport
+from gcs_mosaic.store.checkpoint import MAGIC
 from gcs_mosaic.store.documents import write_json
 from gcs_mosaic.store.folder import LEDGER_NAME
 from gcs_mosaic.store.lock import try_lock
@@ -139,6 +140,20 @@ def test_a_whole_flight_is_found_whole_and_left_alone(flight: Path) -> None:
 
 
 @pytest.mark.long
+def test_a_flight_of_another_version_of_the_program_is_whole_and_can_still_be_gone_on_with(flight: Path) -> None:
+    head = len(MAGIC) + 4  # and then the digest of the program
+    data = bytearray((flight / "checkpoint").read_bytes())
+    data[head] ^= 0xFF
+    (flight / "checkpoint").write_bytes(data)
+    found = checked(flight)
+    assert found.is_whole, said_of(found)
+    (part,) = [part for part in found.parts if part.name == "checkpoint"]
+    assert "written by another version of the program: to go on with the flight is to stitch" in part.notes[0]
+    repaired(flight)
+    assert (flight / "checkpoint").read_bytes() == data
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 def test_damage_is_found_and_repaired(flight: Path, name: str) -> None:
     damage, words = DAMAGES[name]
@@ -180,6 +195,24 @@ def test_a_damaged_original_is_taken_from_the_camera_s_files(flight: Path, pictu
 
 
 @pytest.mark.long
+def test_half_a_copy_says_what_it_lacks_and_is_made_whole_once_the_camera_s_files_are_there(
+    flight: Path, pictures: Path
+) -> None:
+    """A copy was broken off, and repaired before anybody thought of the camera's card."""
+    before = {path: data for path, data in files_in(flight).items() if path.parts[0] in {"tiles", "masks", "frames"}}
+    for folder in ("tiles", "frames"):
+        files = sorted(path for path in (flight / folder).rglob("*.*") if path.is_file())
+        for path in files[len(files) // 3 :]:
+            path.unlink()
+    found = repaired(flight)
+    assert found.lost.tiles > 5
+    told = f"whole again, but for what is lost: 4 originals; {found.lost.tiles} tiles"
+    assert verdict(found, mended=True) == f"{flight} is {told}"
+    assert verdict(repaired(flight, pictures), mended=True) == f"{flight} is whole"
+    assert {path: data for path, data in files_in(flight).items() if path in before} == before
+
+
+@pytest.mark.long
 def test_each_aircraft_s_own_folder_is_looked_through_too(flight: Path, pictures: Path) -> None:
     """The status names one of the folders for all: the one that brings nothing, if there is any."""
     lost = SourceReport(kind="folder", name=str(flight.parent / "card"), state="missing", vehicle=1)
@@ -206,7 +239,7 @@ def test_what_a_lost_original_shows_stays_on_the_map(flight: Path) -> None:
     found = repaired(flight)
     assert found.is_whole, said_of(found)
     assert "2.jpg: its original is lost" in " ".join(found.repaired)
-    assert found.document()["lost"] == {"unread": "", "originals": ["2.jpg"]}
+    assert found.document()["lost"] == {"unread": "", "originals": ["2.jpg"], "tiles": 0}
     assert verdict(found, mended=True) == f"{flight} is whole again, but for what is lost: 1 original"
     assert (flight / "frames/2.jpg.damaged").exists()
     assert {path: data for path, data in files_in(flight).items() if path in before} == before
@@ -257,7 +290,7 @@ def test_the_exit_code_and_the_document_tell_whether_it_is_whole(
     assert cli.main(["check", str(flight), "--json"]) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["whole"] is False
-    assert document["lost"] == {"unread": "", "originals": []}
+    assert document["lost"] == {"unread": "", "originals": [], "tiles": 0}
     faults = [(part["name"], fault) for part in document["parts"] for fault in part["faults"]]
     assert faults == [("documents", {"subject": "mosaic.json", "text": "a document that is missing"})]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import socket
@@ -10,9 +11,11 @@ import subprocess
 import threading
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -21,6 +24,7 @@ from gcs_mosaic.app.commands.batch import stitch
 from gcs_mosaic.cli import choices, options
 from gcs_mosaic.cli import main as cli
 from gcs_mosaic.config.tree import Config
+from gcs_mosaic.store.folder import LEDGER_NAME
 from sitl.path import Plan
 from tests.ports import free_port
 from tests.running import PROGRAM, run, until
@@ -278,6 +282,43 @@ def test_help_and_misuse_of_the_installed_program(tmp_path: Path) -> None:
         assert (helped.returncode, helped.stderr) == (0, "")
         assert "--out" in helped.stdout
     assert run("--fly", cwd=tmp_path).returncode == 2
+
+
+@pytest.mark.long
+def test_who_reads_no_more_of_an_answer_is_told_of_no_fault(flight: Path, tmp_path: Path) -> None:
+    """`gcs-mosaic status DIR | head -1`."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as nobody:
+        done = subprocess.run(
+            [*PROGRAM, "status", str(flight)], stdout=nobody, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_command_that_ends_on_a_full_disk_does_not_promise_to_go_on(
+    tmp_path: Path, tiny_disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.jpg").write_bytes(sure(cv2.imencode(".jpg", np.full((48, 64, 3), 90, np.uint8))[1]).tobytes())
+    with suppress(OSError):
+        (tiny_disk / "fill").write_bytes(bytes(2 << 20))
+    assert cli.main(["stitch", str(tmp_path / "a.jpg"), "--out", str(tiny_disk / "map")]) == 1
+    assert "the disk is full: free some space, then start again (" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words", [["status"], ["check"], ["serve"], ["export", "--format", "png"], ["anchor"], ["pair"]], ids=" ".join
+)
+def test_a_flight_of_another_user_is_not_told_as_damaged(
+    tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its folder may be open, its files are not; for root all are, so the system's answer is replaced."""
+    ledger = tmp_path / LEDGER_NAME
+    ledger.touch()
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != ledger)
+    assert cli.main([words[0], str(tmp_path), *words[1:]]) == 1
+    said = capsys.readouterr().err
+    assert f"{ledger} cannot be opened (Permission denied): do it as the user who wrote the flight" in said
 
 
 def test_help_names_all_settings_that_count_for_an_earlier_flight(capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ MicaSense and the Phantom 4 Multispectral (ODM's documentation), pictures beside
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -227,6 +228,24 @@ def test_two_cameras_that_have_nothing_in_common_are_mapped_and_told() -> None:
     assert "4000x3000 (10) and 1280x960 (10), and are mapped together" in said
     assert "--cameras '4000x3000'" in said
     assert unlike(names[:5], [WIDE if k % 2 else TELE for k in range(5)]) == ""
+
+
+def test_two_cameras_of_a_folder_that_is_all_there_are_told_too(tmp_path: Path) -> None:
+    """By the times of their files: by their names all of one come first."""
+    for k in range(12):
+        path = tmp_path / (f"WIDE_{k:04}.JPG" if k % 2 else f"cam2/Capture {k + 700}.jpg")
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(encoded(".jpg", picture(80, 60) if k % 2 else picture(64, 48)))
+        os.utime(path, (1e9 + k, 1e9 + k))
+    given = frames_in(tmp_path)
+    assert given.count == 12
+    (said,) = given.passed_over
+    assert "come in turn, 80x60 (6) and 64x48 (6), and are mapped together" in said
+    chosen = frames_in(tmp_path, FolderSettings(cameras=("80x60",)))
+    assert chosen.count == 6
+    for k, path in enumerate(sorted(tmp_path.rglob("*.[Jj]*"))):
+        os.utime(path, (1e9 + k, 1e9 + k))  # one card after the other
+    assert not frames_in(tmp_path).passed_over
 
 
 @pytest.mark.parametrize(

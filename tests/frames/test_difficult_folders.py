@@ -185,6 +185,35 @@ def test_the_empty_folder_below_a_lost_mount_is_told_as_gone(tiny_disk: Path) ->
     assert "b.jpg" in [item.name for item in items if isinstance(item, Frame)]
 
 
+def test_a_disk_that_is_lost_over_files_below_its_mount_is_told_each_time(tiny_disk: Path) -> None:
+    """A camera's program writes on while the card is away."""
+    card = Card(tiny_disk)
+    card.put("a.jpg")
+    assert card.names() == ["a.jpg"]
+
+    def lost() -> list[str]:
+        subprocess.run(["umount", "--lazy", tiny_disk], check=True)
+        return [item.text for item in card.look(3) if isinstance(item, Notice)]
+
+    def mounted_again() -> list[str]:
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", tiny_disk], check=True)
+        card.put("a.jpg")
+        return [item.text for item in card.look(3) if isinstance(item, Notice)]
+
+    try:
+        assert "is empty, its disk is gone" in lost()[0]
+        card.put("below.jpg", OTHER)
+        assert "below.jpg" in card.names(3)
+        mounted_again()
+        (told,) = lost()
+        assert "shows what lies below its mount, its disk is gone: bring it back" in told
+        assert mounted_again() == [f"the folder {tiny_disk} is back"]
+    finally:
+        subprocess.run(["umount", "--lazy", tiny_disk], check=False)
+        (tiny_disk / "below.jpg").unlink(missing_ok=True)
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", tiny_disk], check=True)
+
+
 def test_the_empty_folder_of_another_card_is_none_that_is_gone(tiny_disk: Path, tmp_path: Path) -> None:
     """Cards are changed in flight, and frames come into a folder below where they are mounted, or by a link to it."""
     (tiny_disk / "DCIM").mkdir()

@@ -225,6 +225,21 @@ def test_that_a_card_with_an_earlier_flight_may_have_been_put_in_is_said_once(wa
     assert said[0].startswith("a.jpg was written 24 h before this flight began")
 
 
+def test_how_old_a_card_is_is_told_in_days(watched: Watched) -> None:
+    watched.look()
+    watched.write("a.jpg", age_s=1234 * 86400)
+    (said,) = [text for text in watched.texts() if "earlier flight" in text]
+    assert said.startswith("a.jpg was written 1,234 days before this flight began")
+
+
+def test_a_file_that_has_come_whole_is_no_damaged_one_any_more(watched: Watched) -> None:
+    watched.write("a.jpg", b"")
+    assert watched.damaged(40) == ["a.jpg"]
+    watched.write("a.jpg")
+    reports = [item for item in watched.look(40) if isinstance(item, SourceReport)]
+    assert (reports[-1].taken, reports[-1].damaged) == (1, 0)
+
+
 def test_files_of_a_computer_whose_clock_was_set_back_are_of_no_earlier_flight(
     watched: Watched, monkeypatch: pytest.MonkeyPatch
 ) -> None:

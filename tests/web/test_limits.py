@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import logging
 import re
 import socket
@@ -12,12 +14,13 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
+from aiohttp import web
 
 from gcs_mosaic.web import request_handler
 from gcs_mosaic.web.address import HttpAddress
 from gcs_mosaic.web.address_quota import AddressQuota, origin_of
 from gcs_mosaic.web.feed import Feed
-from gcs_mosaic.web.listener import listening
+from gcs_mosaic.web.listener import PageListener, listening
 from gcs_mosaic.web.server import WebServer
 from gcs_mosaic.web.settings import WebSettings
 from gcs_mosaic.web.sparing_log import SparingHandler
@@ -239,6 +242,29 @@ def test_a_name_with_two_addresses_has_one_port() -> None:
     finally:
         for one in sockets:
             one.close()
+
+
+@pytest.mark.parametrize("steps", range(6))
+def test_who_knocks_as_it_ends_is_not_forgotten(steps: int, recwarn: pytest.WarningsRecorder) -> None:
+    """After so many steps of the event loop; of a connection that nobody closes Python warns."""
+
+    async def answer_nothing(_: web.BaseRequest) -> web.Response:
+        return web.Response()
+
+    async def knock() -> None:
+        page = web.Server(answer_nothing)
+        listener = PageListener(page, PATIENT, None)
+        port = await listener.open("127.0.0.1", 0)
+        await asyncio.sleep(0)
+        with connect(port):
+            for _ in range(steps):
+                await asyncio.sleep(0)
+            await listener.close()
+            await page.shutdown(0.05)
+
+    asyncio.run(knock())
+    gc.collect()
+    assert not [told for told in recwarn if told.category is ResourceWarning]
 
 
 def test_who_shakes_no_hands_over_https_is_not_waited_for(tmp_path: Path, certificate: Path) -> None:

@@ -573,6 +573,23 @@ def test_dark_ground_can_be_lightened_and_the_night_is_red(
     page.evaluate("localStorage.clear()")
 
 
+@pytest.mark.long
+def test_in_the_system_s_own_colours_what_is_on_still_looks_otherwise(page: Page, url: str) -> None:
+    """As high contrast asks for; the light of the state keeps its colour, too."""
+    page.command("Emulation.setEmulatedMedia", features=[{"name": "forced-colors", "value": "active"}])
+    page.open(url)
+    page.wait_for("document.querySelector('#state b').textContent")
+    page.evaluate("document.querySelector('#tools button').click()")
+    page.wait_for("document.querySelector('#tools [aria-expanded=true]')")
+    colour = "getComputedStyle(document.querySelector('{}')).backgroundColor"
+    assert page.evaluate(colour.format("#tools [aria-expanded=true]")) != page.evaluate(
+        colour.format("#tools [aria-expanded=false]")
+    )
+    page.evaluate("document.querySelector('#all').setAttribute('aria-pressed', 'true')")
+    assert page.evaluate(colour.format("#all")) != page.evaluate(colour.format("#newest"))
+    assert page.evaluate(colour.format("#state i")) != page.evaluate(colour.format("body"))
+
+
 def another_revision(flight: SmallFlight) -> None:
     flight.paint(square(16), GREEN)
     flight.write()

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from gcs_mosaic.app.pipeline.method import method_of
 from gcs_mosaic.app.pipeline.render_stage import RenderStage
-from gcs_mosaic.app.pipeline.resuming import Run, runs_of, settings_of, shelf_of, source_of, utc_of_zero
+from gcs_mosaic.app.pipeline.resuming import Run, boot_id, runs_of, settings_of, shelf_of, source_of, utc_of_zero
 from gcs_mosaic.app.pipeline.rewritten import previews_of
 from gcs_mosaic.app.waiting.prefetch import DecodedFrame, UndecodableFrame, finer_reduction
 from gcs_mosaic.config.tree import Config
@@ -151,7 +151,7 @@ class Pipeline(Kept):
         Returns the frames still to be processed, in order of arrival. Call `save` afterwards.
         """
         counts = len(self.store.ledger.events()), len(self.store.ledger.frames())
-        self._of_flight["runs"] = [*runs_of(saved), Run(*counts, utc_of_zero())]
+        self._of_flight["runs"] = [*runs_of(saved), Run(*counts, utc_of_zero(), boot_id())]
         if saved is None or not self._loaded(saved["pipeline"]):
             self.store.ledger.set_canvas(self.store.canvas)
         for preview, whole in previews_of(self.store.ledger):
@@ -461,7 +461,7 @@ class Pipeline(Kept):
 
 def _of_flight(config: Config) -> Snapshot:
     """What a checkpoint tells of its flight as such."""
-    return {"settings": settings_of(config), "source": source_of(config), "runs": [Run(0, 0, utc_of_zero())]}
+    return {"settings": settings_of(config), "source": source_of(config), "runs": [Run(0, 0, utc_of_zero(), boot_id())]}
 
 
 def _state_of(outcome: Outcome) -> tuple[FrameState, str | None]:

@@ -31,6 +31,7 @@ from gcs_mosaic.store.folder import (
     lock_flight,
     open_flight_folder,
     resume_flight_folder,
+    written_ns,
 )
 from gcs_mosaic.store.reading import read_document
 from gcs_mosaic.store.records import EventRecord, FrameRecord
@@ -87,8 +88,22 @@ def open_flight(config: Config) -> OpenedFlight:
             logger.info("not resumed: %s", reason)
             refused = refused or str(reason)
     opened = _begun(config)
+    refused = refused or (_too_old(out, config.resume_h) if config.resume == "auto" else "")
     said = f"{refused}; this flight is written to {opened.folder.path}" if refused else opened.folder.said
     return replace(opened, folder=replace(opened.folder, said=said))
+
+
+def _too_old(out: Path, resume_h: float) -> str:
+    """What to say of the newest live flight there, none being recent; empty if there is none. Its age is by clocks that may be
+    wrong, so whoever starts decides."""
+    live = next((path for path in flights_of(out) if (path / CHECKPOINT_NAME).is_file()), None)
+    if live is None:
+        return ""
+    written = time.strftime("%Y-%m-%d %H:%M", time.localtime(written_ns(live) / 1e9))
+    return (
+        f"{live} holds an earlier flight, last written {written}, over {resume_h:g} h ago: it is left as it is, and "
+        "--resume goes on with it"
+    )
 
 
 def open_stitch(config: Config) -> OpenedFlight:
@@ -235,6 +250,7 @@ class Run:
     events: int
     frames: int
     utc_of_zero: float  # UTC at which its monotonic clock read 0
+    boot: str = ""  # of the machine, since which that clock has gone on; empty if not known
 
 
 def runs_of(saved: Snapshot | None) -> list[Run]:
@@ -260,10 +276,16 @@ def told_again(
 
 def _later(began: Sequence[int], runs: Sequence[Run], count: int) -> Iterator[float]:
     """For each of `count` records the offset from the clock of its run to this run's. 0 unless the machine was rebooted."""
-    offsets = [run.utc_of_zero - utc_of_zero() for run in runs]
+    boot, zero = boot_id(), utc_of_zero()
+    offsets = [0.0 if _is_of_this_boot(run, boot, zero) else run.utc_of_zero - zero for run in runs]
     for k in range(count):
-        offset = offsets[max(bisect(began, k) - 1, 0)] if offsets else 0.0
-        yield offset if abs(offset) > SAME_CLOCK_S else 0.0
+        yield offsets[max(bisect(began, k) - 1, 0)] if offsets else 0.0
+
+
+def _is_of_this_boot(run: Run, boot: str, zero: float) -> bool:
+    if run.boot and boot:
+        return run.boot == boot  # however UTC has been set meanwhile
+    return abs(run.utc_of_zero - zero) <= SAME_CLOCK_S
 
 
 def _came(record: EventRecord | FrameRecord) -> float:
@@ -279,3 +301,11 @@ def _earlier(record: EventRecord | FrameRecord, seconds: float) -> EventRecord |
 def utc_of_zero() -> float:
     """UTC at which this machine's monotonic clock read 0, in seconds since 1970."""
     return time.time() - time.monotonic()
+
+
+def boot_id() -> str:
+    """Which start of this machine it is, as Linux tells; empty elsewhere."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text("ascii").strip()
+    except (OSError, ValueError):
+        return ""

@@ -27,6 +27,7 @@ from gcs_mosaic.frames.rtsp.settings import StreamSettings
 
 Log: TypeAlias = list[tuple[int, str, str]]
 
+LOGIN_WANTED = "it wants a login, or another one: --rtsp rtsp://NAME:PASSWORD@HOST:554/PATH"
 _PAUSES = 3.0  # usual intervals without an image: a slow stream is not a broken one
 _INTERVALS = 31
 _OPTIONS = {
@@ -177,4 +178,6 @@ def _reason(error: BaseException) -> str:
     """The cause, without the address that FFmpeg puts into its messages."""
     if isinstance(error, av.error.ExitError):
         return "no answer in time"
+    if isinstance(error, av.error.HTTPUnauthorizedError):
+        return LOGIN_WANTED
     return getattr(error, "strerror", None) or type(error).__name__

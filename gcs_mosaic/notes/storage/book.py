@@ -168,8 +168,8 @@ class NotesBook:
             file.close()
             self._file = opened
         else:
-            logger.warning("%s is written anew: it was lost, damaged or older", self.path)
             file.write_anew()
+            logger.warning("%s was written anew: it was lost, damaged or older", self.path)
         self._note()
 
 

@@ -22,6 +22,7 @@ from gcs_mosaic.app.pipeline.driver import Driver
 from gcs_mosaic.app.pipeline.pipeline import Pipeline
 from gcs_mosaic.app.pipeline.resuming import (
     Run,
+    boot_id,
     checkpoints_of,
     files_taken,
     open_flight,
@@ -217,7 +218,7 @@ def test_a_start_goes_on_with_the_flight_that_has_just_ended(tmp_path: Path) -> 
         ({"resume": "never"}, "holds an earlier flight"),
         ({"scale": 0.5}, "it was flown with other settings"),
         ({"watch": "elsewhere"}, "its frames came from "),
-        ({"resume_h": 1.0}, "holds an earlier flight"),
+        ({"resume_h": 1.0}, "over 1 h ago: it is left as it is, and --resume goes on with it"),
         ({"method": "paper"}, "a map of the paper's recipe is in memory only"),
     ],
 )
@@ -308,6 +309,19 @@ def test_a_checkpoint_that_does_not_fit_is_as_none(tmp_path: Path, frames: list[
         assert "does not fit" in said[0].text
         process(flight, again)
         assert flight.accounts().frames.placed == 3
+
+
+@pytest.mark.parametrize("set_by_s", [-30e6, 300.0])
+def test_a_clock_that_was_set_between_two_runs_moves_no_record(tmp_path: Path, set_by_s: float) -> None:
+    """The machine went on, and with it the clock by which they came."""
+    runs = [Run(0, 0, utc_of_zero() + set_by_s, boot_id()), Run(1, 1, utc_of_zero(), boot_id())]
+    with Ledger(tmp_path / LEDGER_NAME) as ledger:
+        for k in range(2):
+            ledger.record_event(factories.trigger_event(k, 10.0 * k))
+            ledger.record_frame(factories.frame(f"{k}.jpg", 10.0 * k + 1))
+        told = told_again(ledger.events(), ledger.frames(), runs)
+    came = [record.received if isinstance(record, FrameRecord) else record.event.received for record in told]
+    assert came == [0.0, 1.0, 10.0, 11.0]
 
 
 def test_records_keep_their_order_when_the_machine_was_started_again_twice(tmp_path: Path) -> None:

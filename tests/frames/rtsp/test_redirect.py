@@ -14,7 +14,7 @@ from gcs_mosaic.frames.rtsp.redirect import MOST_REDIRECTS, final_address
 
 av = pytest.importorskip("av")
 
-from gcs_mosaic.frames.rtsp.connection import Connection, NotConnected  # noqa: E402 - needs PyAV
+from gcs_mosaic.frames.rtsp.connection import LOGIN_WANTED, Connection, NotConnected  # noqa: E402 - needs PyAV
 from gcs_mosaic.frames.rtsp.settings import StreamSettings  # noqa: E402
 
 Answer = Callable[[bytes], bytes]
@@ -87,6 +87,14 @@ def test_a_redirect_to_another_host_is_refused_and_that_host_hears_nothing(serve
     assert found.reason == "it redirects to the host 127.0.0.2, which is not in stream: allowed_hosts"
     assert other.asked == []
     assert b"secret" not in b"".join(camera.asked)
+
+
+def test_a_camera_that_wants_a_login_is_told_as_such(serve: Serve) -> None:
+    wants = b'RTSP/1.0 401 Unauthorized\r\nCSeq: %d\r\nWWW-Authenticate: Basic realm="camera"\r\n\r\n'
+    camera = serve("127.0.0.1", lambda request: wants if request.startswith(b"DESCRIBE") else OK)
+    for login in ("", "me:secret@"):
+        address = parse_stream(f"rtsp://{login}127.0.0.1:{camera.port}/main")
+        assert Connection.open(address, StreamSettings(open_timeout_s=2.0), []) == NotConnected(LOGIN_WANTED)
 
 
 def test_a_redirect_to_a_host_that_is_allowed_is_followed(serve: Serve) -> None:
