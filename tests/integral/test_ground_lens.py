@@ -123,7 +123,7 @@ def test_where_the_ground_is_not_seen_it_is_sought_around(flown: Path, monkeypat
     view, wish = FlightView(flown), LensWish(island=island, x=x, y=y, cells=64)
     nothing = Focus(height=-0.3, known=False, agreement=2.0, heights=np.zeros(2), curve=np.ones(2))
     monkeypatch.setattr("gcs_mosaic.integral.ground_lens.ground_focus", lambda *_: nothing)
-    seen = LensKeeper(view).look(wish)
+    seen = LensKeeper(view, beside_s=60).look(wish)  # however busy the machine is
     assert (seen.focus.beside, seen.focus.known, seen.focus.is_guess) == (True, False, False)
     assert abs(seen.height) < 0.02
     assert LensKeeper(view, beside_s=-1.0).look(wish).focus == nothing
