@@ -1,4 +1,4 @@
-"""The look of a frame's parts: colour, brightness and detail of each cell of a grid.
+"""The look of a frame's parts: colour, brightness and detail of each of its cells.
 
 By it other parts of a flight are found that show ground of the same kind (`graph.silent_ground`): water, lawn, roofs.
 """
@@ -9,15 +9,15 @@ import cv2
 import numpy as np
 
 from gcs_mosaic.stitch.arrays import Band, Bands, FloatImage, FloatRows
+from gcs_mosaic.stitch.features.frame_cells import CELLS, COLUMNS, ROWS
 
-COLUMNS, ROWS = 8, 6  # cells of a frame: each has dozens of features over textured ground
 MOST_BANDS = 4  # that colour is told by
 SAMPLED = 32  # pixels at least along a cell that are looked at for its colour
 BLOCK = 4  # px of the feature picture across which fine details vary; coarser ones across as many of these
 
 
 def looks(image: Bands, grey: FloatImage) -> FloatRows:
-    """Look (ROWS * COLUMNS, k) of the cells of an image (h, w[, bands]), row by row: logarithms of its brightness, of each band
+    """Look (CELLS, k) of the cells of an image (h, w[, bands]): logarithms of its brightness, of each band
     but the first over the first, and of its fine and coarser details; `grey` (h, w): its feature picture."""
     step = max(1, min(image.shape[0] // (ROWS * SAMPLED), image.shape[1] // (COLUMNS * SAMPLED)))
     sampled = image[::step, ::step].reshape(*image[::step, ::step].shape[:2], -1)[..., :MOST_BANDS]
@@ -36,6 +36,6 @@ def _varying(grey: FloatImage) -> tuple[FloatImage, FloatImage]:
 
 
 def _means(image: Band | Bands) -> FloatRows:
-    """Means (ROWS * COLUMNS, bands) of the cells of an image (h, w, bands)."""
+    """Means (CELLS, bands) of the cells of an image (h, w, bands)."""
     small = cv2.resize(np.ascontiguousarray(image, np.float32), (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
-    return np.asarray(small.reshape(ROWS * COLUMNS, -1), np.float32)
+    return np.asarray(small.reshape(CELLS, -1), np.float32)

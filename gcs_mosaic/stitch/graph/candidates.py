@@ -78,8 +78,9 @@ class Search:
             if other not in tried:
                 tried.add(other)
                 registration = compared[other] if other in compared else self.register(frame, other)
-                if registration is not None:
+                if registration is not None and other in compared:
                     note_found_again(self._graph, frame, other, registration)
+                if registration is not None:
                     yield other, registration
 
     def _candidates(self, frame: int, last: int) -> Iterator[int]:

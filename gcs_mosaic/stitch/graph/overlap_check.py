@@ -12,17 +12,16 @@ from typing import Self
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import Counts, Mask, PointsNx2, Vector
+from gcs_mosaic.stitch.arrays import Mask, PointsNx2, Vector
 from gcs_mosaic.stitch.camera.geometry import (
     Camera,
     Pose,
     canvas_from_pixels,
     ground_sampling_distance,
-    pixel_grid,
     pixels_from_canvas,
 )
-from gcs_mosaic.stitch.features.looks import COLUMNS, ROWS
-from gcs_mosaic.stitch.graph.silent_ground import COMPARABLE, silent_cells
+from gcs_mosaic.stitch.features.frame_cells import CELLS, centres, counts
+from gcs_mosaic.stitch.graph.silent_ground import COMPARABLE, full_cells, silent_cells
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
 from gcs_mosaic.stitch.registration.a_contrario import Confirmed, log_odds
 from gcs_mosaic.stitch.registration.outcome import Registration
@@ -44,8 +43,9 @@ def odds_around(
     silent = silent_cells(graph, graph.frames[frame].features, frame)
     if silent.any():
         telling = confirmed_around(graph, frame, pose, island, list(links), matched, ~silent)
-        if telling.cells >= ENOUGH_CELLS:
-            return telling, log_odds(telling, graph.true_share)
+        of_these = log_odds(telling, graph.true_share)
+        if telling.cells >= ENOUGH_CELLS and of_these > odds:
+            return telling, of_these
     return found, odds
 
 
@@ -61,12 +61,12 @@ def confirmed_around(
     """Share of the cells common to the frame at this pose and other frames of an island that matches confirm: of cells with
     features matched before if they suffice, else of all commonly seen cells.
 
-    matched: the frame's full-resolution pixels (m, 2) that were matched with any of them; `asked`: cells (ROWS * COLUMNS,) that
+    matched: the frame's full-resolution pixels (m, 2) that were matched with any of them; `asked`: cells (CELLS,) that
     are looked at.
     """
     camera = graph.camera_on(island, graph.frames[frame].camera)
-    agreeing = _counts(np.concatenate([*matched, np.empty((0, 2))]), camera) > 0
-    full = _full_cells(graph, frame, camera) & asked
+    agreeing = counts(np.concatenate([*matched, np.empty((0, 2))]), camera.width, camera.height) > 0
+    full = full_cells(graph.frames[frame].features) & asked
     expected = full & _matched_before_by_any(graph, frame, pose, camera, others)
     if expected.sum() < ENOUGH_CELLS:
         expected = full & _seen_by_any(graph, pose, camera, others)
@@ -77,33 +77,22 @@ ENOUGH_CELLS = 6
 
 
 def _matched_before_by_any(graph: ViewGraph, frame: int, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
-    """Cells (ROWS * COLUMNS,) where others have features matched with frames other than this one, at similar resolution."""
+    """Cells (CELLS,) where others have features matched with frames other than this one, at similar resolution."""
     cells = _Cells.of(pose, camera)
-    found = np.zeros(ROWS * COLUMNS, bool)
+    found = np.zeros(CELLS, bool)
     for other in others:
         view = graph.pose_of(other), graph.camera_of(other)
         pixels = graph.frames[other].features.points[graph.matched_before(other, but=frame)].astype(np.float64)
         there = pixels_from_canvas(pose, camera, canvas_from_pixels(*view, pixels))
-        counts = _counts(there[_inside(there, camera)], camera)
-        found |= (counts >= COMPARABLE) & cells.alike(view, pixels_from_canvas(*view, cells.places))
+        common = counts(there[_inside(there, camera)], camera.width, camera.height)
+        found |= (common >= COMPARABLE) & cells.alike(view, pixels_from_canvas(*view, cells.places))
     return found
 
 
-def _full_cells(graph: ViewGraph, frame: int, camera: Camera) -> Mask:
-    points = graph.frames[frame].features.points.astype(np.float64)
-    return np.asarray(_counts(points, camera) >= COMPARABLE)
-
-
-def _counts(pixels: PointsNx2, camera: Camera) -> Counts:
-    """Number of pixels (n, 2) in each cell, (ROWS * COLUMNS,)."""
-    column, row = ((pixels + 0.5) * [COLUMNS / camera.width, ROWS / camera.height]).astype(int).T
-    return np.bincount(row.clip(0, ROWS - 1) * COLUMNS + column.clip(0, COLUMNS - 1), minlength=ROWS * COLUMNS)
-
-
 def _seen_by_any(graph: ViewGraph, pose: Pose, camera: Camera, others: Sequence[int]) -> Mask:
-    """Cells (ROWS * COLUMNS,) whose centre another frame sees at similar resolution."""
+    """Cells (CELLS,) whose centre another frame sees at similar resolution."""
     cells = _Cells.of(pose, camera)
-    seen = np.zeros(ROWS * COLUMNS, bool)
+    seen = np.zeros(CELLS, bool)
     for other in others:
         view = graph.pose_of(other), graph.camera_of(other)
         pixels = pixels_from_canvas(*view, cells.places)
@@ -118,16 +107,14 @@ def _inside(pixels: PointsNx2, camera: Camera) -> Mask:
 
 @dataclass(frozen=True, slots=True)
 class _Cells:
-    """The centres of a frame's cells on the canvas (ROWS * COLUMNS, 2), and the ground sampling distance there."""
+    """The centres of a frame's cells on the canvas (CELLS, 2), and the ground sampling distance there."""
 
     places: PointsNx2
     resolution: Vector
 
     @classmethod
     def of(cls, pose: Pose, camera: Camera) -> Self:
-        half_cell = np.array([camera.width / COLUMNS, camera.height / ROWS]) / 2
-        inner = Camera(camera.width, camera.height)
-        middles = half_cell - 0.5 + pixel_grid(inner, COLUMNS, ROWS) * (1 - np.array([1 / COLUMNS, 1 / ROWS]))
+        middles = centres(camera.width, camera.height)
         return cls(canvas_from_pixels(pose, camera, middles), ground_sampling_distance(pose, camera, middles))
 
     def alike(self, view: tuple[Pose, Camera], pixels: PointsNx2) -> Mask:

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_mosaic.stitch.arrays import AnyPointsNx2, FloatRows, Indices, Mask, PointsNx2
+from gcs_mosaic.stitch.arrays import FloatRows, Indices, Mask
 from gcs_mosaic.stitch.features.extraction import Features
-from gcs_mosaic.stitch.features.looks import COLUMNS, ROWS
+from gcs_mosaic.stitch.features.frame_cells import CELLS, cell_of, centres, counts
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
-from gcs_mosaic.stitch.registration.homography import inside, mapped
+from gcs_mosaic.stitch.registration.homography import area_scale, inside, mapped
 from gcs_mosaic.stitch.registration.outcome import Registration
 
 COMPARABLE = 3  # features below which a cell is ignored
@@ -28,8 +28,8 @@ FROM_FRAMES = 3  # frames at least that they are of
 def note_found_again(graph: ViewGraph, frame: int, other: int, found: Registration) -> None:
     """Keep which of a frame's cells another one should show by their registration, and which agree."""
     a, b = (graph.frames[one].features for one in (frame, other))
-    there = mapped(found.b_from_a, _centres(a))
-    seen = inside(there, np.array([b.width, b.height])) & full_cells(a)
+    middles, size = centres(a.width, a.height), np.array([b.width, b.height])
+    seen = inside(mapped(found.b_from_a, middles), size) & (area_scale(found.b_from_a, middles) > 0) & full_cells(a)
     kept = {pair: cells for pair, cells in graph.found_again.items() if pair != (frame, other)}
     for oldest in list(kept)[: len(kept) + 1 - KEPT_PAIRS]:
         del kept[oldest]
@@ -38,9 +38,9 @@ def note_found_again(graph: ViewGraph, frame: int, other: int, found: Registrati
 
 
 def silent_cells(graph: ViewGraph, features: Features, but: int | None) -> Mask:
-    """Cells (ROWS * COLUMNS,) of a frame that show ground of a kind that this flight has never found again; what frame `but` has
+    """Cells (CELLS,) of a frame that show ground of a kind that this flight has never found again; what frame `but` has
     found is not asked."""
-    nothing = np.zeros(ROWS * COLUMNS, bool)
+    nothing = np.zeros(CELLS, bool)
     if features.looks is None:
         return nothing
     looks, again, frames = _known(graph, features.looks.shape[1], but)
@@ -71,29 +71,13 @@ def _known(graph: ViewGraph, length: int, but: int | None) -> tuple[FloatRows, M
 
 def telling(graph: ViewGraph, features: Features, but: int | None) -> Mask:
     """Which features (n,) lie on ground that may be found again."""
-    return ~silent_cells(graph, features, but)[_cell_of(features.points, features.width, features.height)]
+    return ~silent_cells(graph, features, but)[cell_of(features.points, features.width, features.height)]
 
 
 def full_cells(features: Features) -> Mask:
-    """Cells (ROWS * COLUMNS,) of a frame in which there are features."""
+    """Cells (CELLS,) of a frame in which there are features."""
     return np.asarray(counts(features.points, features.width, features.height) >= COMPARABLE)
 
 
-def counts(pixels: AnyPointsNx2, width: int, height: int) -> Indices:
-    """Number of pixels (n, 2) in each cell of a frame, (ROWS * COLUMNS,)."""
-    return np.bincount(_cell_of(pixels, width, height), minlength=ROWS * COLUMNS)
-
-
-def _cell_of(pixels: AnyPointsNx2, width: int, height: int) -> Indices:
-    column, row = ((pixels + 0.5) * [COLUMNS / width, ROWS / height]).astype(np.intp).T
-    return np.asarray(row.clip(0, ROWS - 1) * COLUMNS + column.clip(0, COLUMNS - 1))
-
-
-def _centres(frame: Features) -> PointsNx2:
-    """Pixels (ROWS * COLUMNS, 2) in the middle of a frame's cells."""
-    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    return np.stack([(column + 0.5) * frame.width / COLUMNS, (row + 0.5) * frame.height / ROWS], axis=1) - 0.5
-
-
 def _cells(bits: bytes) -> Mask:
-    return np.unpackbits(np.frombuffer(bits, np.uint8), count=ROWS * COLUMNS).astype(bool)
+    return np.unpackbits(np.frombuffer(bits, np.uint8), count=CELLS).astype(bool)

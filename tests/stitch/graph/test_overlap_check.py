@@ -7,8 +7,12 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 from gcs_mosaic.stitch.arrays import Array
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import FeatureSettings, extract
-from gcs_mosaic.stitch.graph.overlap_check import confirmed_around
+from gcs_mosaic.stitch.features.frame_cells import COLUMNS, ROWS, cell_of
+from gcs_mosaic.stitch.graph import overlap_check
+from gcs_mosaic.stitch.graph.overlap_check import confirmed_around, odds_around
 from gcs_mosaic.stitch.graph.view_graph import ViewGraph
+from gcs_mosaic.stitch.registration.a_contrario import log_odds
+from gcs_mosaic.stitch.registration.outcome import Registration
 
 HERE = Pose(700, 700)
 
@@ -53,3 +57,19 @@ def test_frames_that_see_the_ground_much_coarser_are_no_witnesses(graph: ViewGra
     assert confirmed_around(graph, 0, HERE, 0, [2], []).share == 1
     assert confirmed_around(graph, 0, HERE, 0, [3], []).share == 1
     assert confirmed_around(graph, 0, HERE, 0, [1, 2, 3], []).share == 0
+
+
+@pytest.mark.parametrize("agrees", [True, False], ids=["what is left out", "what is asked"])
+def test_ground_that_is_never_found_again_is_only_left_out_for_a_frame(
+    graph: ViewGraph, monkeypatch: pytest.MonkeyPatch, agrees: bool
+) -> None:
+    """Never against it: what agrees is a witness wherever it lies."""
+    silent = np.tile(np.arange(COLUMNS) >= COLUMNS // 2, ROWS)
+    monkeypatch.setattr(overlap_check, "silent_cells", lambda *_: silent)
+    points = everywhere(graph)
+    found = points[silent[cell_of(points, SMALL_CAMERA.width, SMALL_CAMERA.height)] == agrees]
+    link = Registration(found, found, np.stack([np.arange(len(found))] * 2, axis=1), np.eye(3), len(found), 99.0)
+    plain = confirmed_around(graph, 0, HERE, 0, [1], [found])
+    around, odds = odds_around(graph, 0, HERE, 0, {1: link}, least=99.0)
+    assert odds >= log_odds(plain, graph.true_share)
+    assert (around == plain) == agrees

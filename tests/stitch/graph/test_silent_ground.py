@@ -11,7 +11,8 @@ from stitch_ground import SMALL_CAMERA, Image, photograph
 from gcs_mosaic.stitch.arrays import Bands, Mask
 from gcs_mosaic.stitch.camera.geometry import Pose
 from gcs_mosaic.stitch.features.extraction import Features, FeatureSettings, extract
-from gcs_mosaic.stitch.features.looks import COLUMNS, ROWS, looks
+from gcs_mosaic.stitch.features.frame_cells import CELLS, COLUMNS, ROWS, cell_of
+from gcs_mosaic.stitch.features.looks import looks
 from gcs_mosaic.stitch.graph.silent_ground import (
     FROM_FRAMES,
     KEPT_PAIRS,
@@ -33,9 +34,7 @@ def seen(ground: Image) -> Features:
     found = extract(photograph(ground, Pose(700, 700), SMALL_CAMERA), FeatureSettings())
     assert full_cells(found).all()
     rng = np.random.default_rng(5)
-    return replace(
-        found, looks=(np.where(LEFT, 0.0, 9.0)[:, None] + rng.normal(0, 0.3, (ROWS * COLUMNS, 4))).astype(np.float32)
-    )
+    return replace(found, looks=(np.where(LEFT, 0.0, 9.0)[:, None] + rng.normal(0, 0.3, (CELLS, 4))).astype(np.float32))
 
 
 @pytest.fixture
@@ -49,8 +48,7 @@ def graph(seen: Features) -> ViewGraph:
 def agreeing(seen: Features, cells: Mask) -> Registration:
     """Two frames of one place, of which one matches in these cells alone."""
     pixels = seen.points.astype(np.float64)
-    column, row = ((pixels + 0.5) * [COLUMNS / seen.width, ROWS / seen.height]).astype(int).T
-    chosen = np.flatnonzero(cells[row * COLUMNS + column])
+    chosen = np.flatnonzero(cells[cell_of(pixels, seen.width, seen.height)])
     pairs = np.stack([chosen, chosen], axis=1)
     return Registration(pixels[chosen], pixels[chosen], pairs, np.eye(3), len(chosen), 100.0)
 
