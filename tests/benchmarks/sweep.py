@@ -30,7 +30,7 @@ PACKAGE = "gcs_mosaic.stitch"
 # iteration, batches, where the dense solver takes over) is none of these.
 CONSTANTS = {
     "registration.registration": ("HYPOTHESES",),
-    "registration.confirmation": ("ENOUGH_CELLS", "EXPECTED_SHARE", "MOST_BEYOND"),
+    "registration.confirmation": ("ENOUGH_CELLS", "EXPECTED_SHARE", "MOST_BEYOND", "PROVED", "MOSTLY", "TELLING_CELLS"),
     "registration.proposals": ("SIMILARITIES", "SIMILARITY_PX", "MOST_SLANT"),
     "registration.by_pixels": ("MOST_FINEST", "ALIKE", "DETAILED", "BLURRED", "SAME_PLACE", "NEAR_BY_PIXELS", "FEWEST"),
     "registration.agreement": (
@@ -44,7 +44,8 @@ CONSTANTS = {
     ),
     "registration.patches": ("LEAST_LEAD", "ENOUGH"),
     "registration.a_contrario": ("PER_CELL", "LEAST_IN_CELL", "FALSE_SHARE", "CORRELATED_CELLS"),
-    "graph.overlap_check": ("COLUMNS", "ROWS", "COMPARABLE", "SHARPER", "ENOUGH_CELLS"),
+    "graph.overlap_check": ("SHARPER", "ENOUGH_CELLS"),
+    "graph.silent_ground": ("COMPARABLE", "KEPT_PAIRS", "ALIKE", "NEAREST", "MOST_AGREEING", "FROM_FRAMES"),
     "registration.parallax": ("LARGEST", "EPIPOLAR_PX", "HYPOTHESES", "LEAST_CHANCE"),
     "features.retrieval": ("PER_FRAME", "QUERY", "BACKGROUND_RANK", "WORDS", "PROBES"),
     "graph.neighbours": ("REGION_FACTOR", "SECTORS", "MARGIN"),
@@ -73,6 +74,7 @@ CONSTANTS = {
 
 IMPORTED_BY = {
     ("graph.view_graph", "LENS_KNOWN"): ("mapping.resection",),
+    ("graph.silent_ground", "COMPARABLE"): ("graph.overlap_check",),
     ("graph.view_graph", "FIRST_CELLS"): ("graph.union",),
     ("graph.view_graph", "FIRST_SHARE"): ("graph.union",),
     ("mapping.islands", "AGREEMENT"): ("mapping.linking",),
